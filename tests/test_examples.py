@@ -16,7 +16,7 @@ def gallery():
     return module
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["led_with_pins", "wall_washer", "microscope_ring"])
 def test_a_mount_of_the_gallery_is_proven_where_it_stands(gallery, name, tmp_path, capsys):
     part = gallery.mounted(name, tmp_path)

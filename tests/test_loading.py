@@ -236,6 +236,7 @@ def test_help_and_a_new_problem_load_neither_numpy_nor_scipy(argument, printed):
     assert not loaded & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_what_a_helper_process_exported_is_read_without_opencascade():
     program = (
         "import sys; from optics.exchange.verification import ExportedStep, light_checks, text_solid_checks; "

@@ -118,6 +118,7 @@ def distribution(requirement):
     return re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
 
 
+@pytest.mark.slow
 def test_the_bare_snippet_needs_numpy_and_scipy_only(tmp_path):
     done = run(BARE_HOOK + bare_program(), tmp_path)
     assert (done.stdout, done.stderr) == (BARE_OUTPUT, "")
@@ -170,7 +171,7 @@ for use in (Own, thbcad.ForeignLens, lambda: thbcad.ForeignLens.lens, thbcad.wri
 """
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["thbcad", "thbcad.cad", "optics"])
 def test_nothing_dies_of_a_missing_extra_by_being_looked_at(package, tmp_path):
     """`import *`, `hasattr`, `inspect.getmembers` and `help` work; what is used says what it lacks."""

@@ -43,7 +43,7 @@ def test_scripts_are_short(path):
     assert len(path.read_text("utf-8").splitlines()) <= LONGEST
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STEPS)
 def test_a_few_steps_on_a_small_problem_better_the_start(script, tmp_path, monkeypatch, name):
     path = write_problem(tmp_path)

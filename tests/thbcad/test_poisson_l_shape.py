@@ -24,6 +24,7 @@ def test_the_script_is_short():
     assert len(PATH.read_text("utf-8").splitlines()) <= 40
 
 
+@pytest.mark.slow
 def test_the_error_on_refined_cells_is_that_of_nutils(solutions):
     """Only the values on the boundary are interpolated otherwise: by L2 projection."""
     mesh, function, solver = (pytest.importorskip(f"nutils.{n}") for n in ("mesh", "function", "solver"))

@@ -209,6 +209,7 @@ def test_children_that_64_bits_cannot_count_are_refused():
         space.refine({23: [((215 << 23) - 1, (215 << 23) - 1)]})
 
 
+@pytest.mark.slow
 def test_restriction_over_many_levels_is_exact_or_refused():
     """Degree 10: every level more costs a factor of 14 to 20."""
     kv = KnotVector.uniform(10, 12)

@@ -90,5 +90,6 @@ def test_the_starts_are_as_small_as_the_thesis_says():
     assert np.abs(network(network.start(seed=7))[0]).max() < 2 * heights.SMALL
 
 
+@pytest.mark.slow
 def test_a_few_steps_of_the_script_better_the_flat_lens():
     assert networks.main("sparse", 1e-3, 12)["rel_l2"] < networks.main("sparse", 1e-3, 0)["rel_l2"] - 0.01

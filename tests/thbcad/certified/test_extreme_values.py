@@ -132,6 +132,7 @@ def test_minimum_of_a_paraboloid_between_the_knots():
     assert (found.u, found.v) == pytest.approx((0.1, -0.2), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_valley_along_a_line_stays_certified():
     """The least value is taken on a whole line between the knots: the search keeps every cell that the line
     crosses."""

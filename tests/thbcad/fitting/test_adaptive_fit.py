@@ -231,6 +231,7 @@ def spiked():
     return clean, Samples(clean.u, clean.v, values), outliers
 
 
+@pytest.mark.slow
 def test_a_robust_fit_reaches_the_tolerance_beside_outliers(spiked):
     clean, bad, outliers = spiked
     found = fit(tensor(3, 8), bad, 5e-2, robust=True)

@@ -150,7 +150,7 @@ def test_a_wall_leaves_the_rim_steeper_than_the_surface_over_it():
         require_sound(lens(((8.0, 5.0), -5.0), ((5.0, 6.0), -5.0), 4.0))
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 1.0])
 @pytest.mark.parametrize(
     ("a", "b"), [((6.0, 6.0), (4.0, 4.0)), ((4.0, 4.0), (6.0, 4.0)), ((5.0, 3.0), (7.0, 6.0))]

@@ -103,7 +103,7 @@ def test_impossible_corners_are_refused(half_width, corners, words):
         Outline(half_width, corners)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("corners", [(2.0, 2.0), (5.0, 4.0), (0.3, 1.5)])
 def test_a_chord_ends_where_the_gauge_is_one(corners):
     outline, rng = Outline((5.0, 4.0), corners), np.random.default_rng(3)

@@ -207,7 +207,7 @@ def test_restriction_to_knots_that_the_finer_vector_lacks_is_refused():
         KnotVector.uniform(3, 2).restriction(UNIFORM)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", range(1, 5))
 def test_the_error_falls_with_the_power_degree_plus_one_of_the_knots(degree):
     """A circle by 200 spans: knots go evenly, and the spans that stay are as few as approximation theory

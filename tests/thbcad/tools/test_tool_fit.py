@@ -70,6 +70,7 @@ def test_radii_are_positive(radius):
             fit(paraboloid(12.0), radius)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_bounds_contain_dense_samples(seed):

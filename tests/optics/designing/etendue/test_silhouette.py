@@ -118,6 +118,7 @@ def test_pixels_get_no_more_than_their_bound_and_not_much_less(front, rear, free
 ANGLES = st.floats(-180, 180)
 
 
+@pytest.mark.slow
 @examples(12)
 @given(
     any_faces(),

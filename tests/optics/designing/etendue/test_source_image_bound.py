@@ -102,6 +102,7 @@ def test_no_light_made_of_images_is_nearer(high, wide, larger, merge, seed):
     assert bound.lower_bound <= bound.attained
 
 
+@pytest.mark.slow
 @examples(8)
 @given(st.floats(2.0, 4.0), st.floats(1.0, 3.0), SEEDS)
 def test_light_of_images_is_not_excluded(wide, larger, seed):
@@ -136,6 +137,7 @@ def test_light_of_stretched_images_is_not_excluded(area, stretch, seed):
     assert any_proportions(target, area, 1, 1e-4).lower_bound <= 1e-9
 
 
+@pytest.mark.slow
 def test_the_search_over_proportions_stays_below_all_that_are_tried():
     """A chequerboard, whose contrast boxes of 12 square pixels lose: each of six sizes by itself is no
     better."""

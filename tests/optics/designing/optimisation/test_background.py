@@ -90,6 +90,7 @@ def test_what_cannot_follow_the_rear_counts_where_fixed_light_does(tmp_path, bac
     assert (fixed.within is None, moving is None) == (bool(changes), bool(changes))
 
 
+@pytest.mark.slow
 def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeypatch):
     """The flux asked for grows by the background's, and the objective sees the background."""
     system = system_of(tmp_path, {"optimizer.iterations": [2], "optimizer.finish": 2})

@@ -35,6 +35,7 @@ def made(tmp_path_factory, backend):
     return run(folder, backend, GLOWING | {"optimizer.finish": 8, "optimizer.iterations": [8]})
 
 
+@pytest.mark.slow
 def test_a_finish_asks_for_the_light_that_arrives(made, backend):
     """Its fit is of a target with less light; the loss falls in it."""
     assert made.state.stage == 3
@@ -45,6 +46,7 @@ def test_a_finish_asks_for_the_light_that_arrives(made, backend):
     assert arrives != pytest.approx(transmitted_flux(made.system, backend), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_result_of_every_stage_of_an_extended_source_is_measured_with_other_rays(made):
     """It is the row of least loss.  With so few unknowns hardly any noise is fitted: both fits are near."""
     judged = [row for row in made.state.history if row.fresh_fit is not None]

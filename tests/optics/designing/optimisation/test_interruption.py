@@ -54,7 +54,7 @@ def test_the_same_problem_on_one_thread_gives_the_same_bytes(folder, start):
     assert hashes(folder, "flat", 0) != hashes(folder, "transport", 0)
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_a_run_taken_up_after_a_level_equals_the_run_in_one_go(folder, start):
     """Checkpoints hold everything: on one thread, going on from the first one gives the same bytes."""
@@ -91,6 +91,7 @@ def test_an_interrupted_run_goes_on_after_a_transport_start(moved, backend):
     check_going_on(moved, backend, interrupted_at(moved, backend, evaluation))
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backend):
     """Ctrl-C right after a step that made things worse, as line searches take them now and then."""
     system = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})

@@ -96,6 +96,7 @@ def test_a_limit_that_is_far_changes_nothing(unlimited, tmp_path, backend):
     assert done.state.evaluations == unlimited.state.evaluations
 
 
+@pytest.mark.slow
 def test_a_limit_that_no_sag_can_keep_is_told_and_spoils_neither_light_nor_other_limits(
     unlimited, tmp_path, backend
 ):
@@ -128,7 +129,7 @@ def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, 
     assert done.notes == []
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("passes", range(1, PASSES))
 def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch, unlimited, passes):
     limit = beyond(found_in(unlimited))["radius"]

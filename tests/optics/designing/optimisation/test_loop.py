@@ -172,7 +172,7 @@ def test_levels_before_the_last_are_only_marked_after_a_transport_start(moved):
     assert all(len(rows_of(moved.state.history, level)) == 0 for level in levels[:-1])
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("front", "bound", "flat"), [(60.0, 0.02, True), (60.0, 5.0, False), (np.inf, 0.02, True)]
 )
@@ -196,7 +196,7 @@ def test_a_map_far_beyond_the_bounds_leaves_every_level_to_be_optimised(
         assert made.notes == []
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [0.02, 0.3])
 def test_a_start_that_the_bounds_cut_off_is_no_worse_than_a_flat_one(tmp_path, backend, bound):
     """Of both the one with the smaller loss on the first level is taken."""

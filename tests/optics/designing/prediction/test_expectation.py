@@ -112,6 +112,7 @@ def test_the_predicted_error_is_none_for_uniform_light_and_never_above_that_of_t
     assert predicted_rel_l2(busy, 1e-6) == 1e-6
 
 
+@pytest.mark.slow
 def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
     moved = run(tmp_path, backend, {})
     found, plan = expected(moved.system, backend)
@@ -211,6 +212,7 @@ def test_a_ripple_on_a_turned_mirror_is_that_of_the_worse_direction(backend):
     assert sensitivity(system, system.lens, backend).ripple == pytest.approx(turned, rel=0.01)
 
 
+@pytest.mark.slow
 def test_no_error_is_predicted_where_the_mesh_is_coarser_than_the_pixels(tmp_path, backend):
     """A level more would be as fine as they are."""
     image = {"target.kind": "image", "target.pixels": [64, 64], "lens.rear.freeform.z_freedom": 5.0}

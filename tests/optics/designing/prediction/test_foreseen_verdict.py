@@ -66,7 +66,7 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     assert blur_limits(wider, wider.lens, backend).least < 0.1
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -92,6 +92,7 @@ def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothi
     assert not any("larger target" in said for said in foreseen_misses(system, found, limits, backend))
 
 
+@pytest.mark.slow
 def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
     changes = SUN | {
         "target.kind": "tophat",
@@ -119,6 +120,7 @@ def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
     assert any("the target's middle lies 45 degrees off the axis: aim" in said for said in found)
 
 
+@pytest.mark.slow
 def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
     system = OpticalSystem(load_problem(EXAMPLES / "tophat_square.toml"))
     assert foreseen(system, backend) == []
@@ -135,7 +137,7 @@ BODY = {
 }
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "words"),
     [

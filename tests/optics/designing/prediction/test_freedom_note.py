@@ -33,7 +33,7 @@ def followed(problem, note):
     return problem.with_(**dict(assignment(text, Problem) for text in options)), options
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
     """Nor by the design, which then starts from the whole map."""
@@ -52,6 +52,7 @@ def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
     assert not any("transport map" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_a_thin_lens_is_proposed_thicker_with_the_freedom_that_it_then_needs(tmp_path, backend):
     system = loaded(tmp_path, THIN)
     note = expected(system, backend)[0].note

@@ -48,6 +48,7 @@ def test_light_that_no_surface_can_send_there_is_lost(tmp_path, backend):
     assert start.lost(OpticalSystem(beyond)) == pytest.approx(1 - passing.mean() / 2, abs=0.02)
 
 
+@pytest.mark.slow
 def test_light_of_a_place_elsewhere_loses_what_that_of_a_start_there_does(tmp_path, backend):
     """A start that has to make up for much loss tells of a gentler place, where it would not."""
     flat = {"lens.rear.radius": float("inf"), "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}

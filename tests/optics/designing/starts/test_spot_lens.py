@@ -19,6 +19,7 @@ WALL = SUN | {
 }
 
 
+@pytest.mark.slow
 def test_on_a_wall_it_is_a_coarse_start_and_across_the_axis_the_base_lens(backend, tmp_path):
     """A wall that the base lens meets far behind is blurred twice as wide there, and more."""
     across = OpticalSystem(load_problem(write_problem(tmp_path, SUN)))

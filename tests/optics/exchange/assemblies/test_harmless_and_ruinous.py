@@ -93,7 +93,7 @@ CASES = [
 ]
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "added", "removed", "harmless"), CASES)
 def test_a_part_is_judged_by_its_light(system, added, removed, harmless, tmp_path):
     part = LensPart(system.lens)
@@ -113,6 +113,7 @@ def test_a_part_is_judged_by_its_light(system, added, removed, harmless, tmp_pat
     assert all(check.name.startswith(words) for check in checks if not check.ok)
 
 
+@pytest.mark.slow
 def test_light_before_other_elements_is_left_out_and_not_called_free(tmp_path):
     """A mirror behind the lens turns the light: a hull straight to the screen would not hold it."""
     numbers = {"radius": 200.0, "conic": -1.0, "freeform.z_freedom": 1.0}

@@ -69,6 +69,7 @@ def test_all_light_stays_in_its_hulls(name, few_rays):
 ROUND = outlined(WIDER, (1, 1))
 
 
+@pytest.mark.slow
 def test_all_straight_paths_stay_in_the_hull_of_any_light(few_rays):
     for lens in (*LENSES.values(), ROUND, outlined(WIDER, (0.3, 0.5))):
         region = light_hulls(lens, None, (-5.0, 20.0)).regions["front to rear"].shrunk(-ROUNDING)

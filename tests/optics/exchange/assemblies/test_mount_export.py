@@ -40,7 +40,7 @@ def test_every_format_reads_back(name, exported):
     assert differing == ([0, 0] if name in SOLIDS else [])
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["step", "stl"])
 def test_the_same_mount_gives_the_same_bytes(name, tmp_path, exported):
     export_mounted(FLAT, mount_of(SQUARE), name, str(tmp_path / f"again.{name}"), 0.05, Labels())

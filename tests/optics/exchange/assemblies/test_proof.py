@@ -32,7 +32,7 @@ def step(tmp_path_factory):
     return path
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "motion"),
     [("round", None), ("sphere", "turn"), ("upright", "shift"), ("flat, smaller", "screw")],

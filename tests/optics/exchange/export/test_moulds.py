@@ -145,7 +145,7 @@ def dome(tmp_path):
     return stored
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "name"), [*((0.0, name) for name in SOLIDS), (0.3, "step")])
 def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, name, radius):
     """Also enlarged: front and rear bit for bit, with sharp edges the volume of the closed form."""
@@ -160,7 +160,7 @@ def test_the_body_of_a_result_is_exported_and_read_back(capsys, dome, tmp_path, 
         assert any(word.startswith("radius") for word in named) == bool(radius)
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "radius"), [("stl", 0.0), ("glb", 0.3)])
 def test_the_mesh_of_a_result_is_that_of_its_body(capsys, dome, tmp_path, name, radius):
     """trimesh finds it closed, on front and rear and on walls and land within the chord, and its volume."""
@@ -172,6 +172,7 @@ def test_the_mesh_of_a_result_is_that_of_its_body(capsys, dome, tmp_path, name, 
     assert stored["checks"][-1]["name"].startswith("edges against the exact surfaces")
 
 
+@pytest.mark.slow
 def test_a_mesh_of_another_body_shows(tmp_path):
     """Half a degree of draft is 0.009 mm for each mm from the parting line."""
     lens = small_lens()

@@ -185,7 +185,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend, chang
     assert abs(np.mean(fluxes) - wanted) < 4.5 * error  # p < 0.003 for eight
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [ROW, TWO], ids=["lens and mirror", "two beams on a lens"])
 def test_elements_and_sources_anywhere_make_our_light(tmp_path, backend, text):
     """8 x 8 blocks of 4 x 4 pixels: noise of about 1 %; ours has no light that is reflected twice."""

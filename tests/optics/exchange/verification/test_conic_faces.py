@@ -48,7 +48,7 @@ EVERY_PAIR = [
 ]
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("front", "rear"), EVERY_PAIR)
 def test_every_program_traces_the_file(tmp_path, backend, front, rear):
     """By OCCT, by closed forms, and by optiland: landing points within 1e-8 mm, numbers exact."""

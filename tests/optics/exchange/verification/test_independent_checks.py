@@ -167,6 +167,7 @@ def moved_number(text, number, change):
     return text[: found.start(1)] + numbers + text[found.end(1) :]
 
 
+@pytest.mark.slow
 def test_a_rim_pole_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
     in_space = set(
         re.findall(r"#(\d+)=CARTESIAN_POINT\('',\([^,)]*,[^,)]*,", good.text)

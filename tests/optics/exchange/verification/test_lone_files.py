@@ -59,6 +59,7 @@ def test_front_and_rear_of_a_file_are_proven_apart_within_their_outline(tmp_path
     assert "cross" in found.name
 
 
+@pytest.mark.slow
 def test_a_file_with_rounded_edges_is_read_and_says_what_occt_alone_measures(tmp_path):
     """OCCT's roundings have degrees of 12 and more."""
     body = MouldedBody.of(round_lens(OUTLINES["round"]), BodyOptions(3, edge_radius=0.2))

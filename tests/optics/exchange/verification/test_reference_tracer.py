@@ -128,6 +128,7 @@ def test_rays_meet_a_wavy_face_where_they_first_fall_through_it(backend, wave):
         assert several.sum() >= 5
 
 
+@pytest.mark.slow
 @examples(12)
 @given(
     height=st.floats(0.2, 2.5),
@@ -155,7 +156,7 @@ def test_a_slope_that_turns_within_a_sample_loses_no_ray(height, waves, spans):
     assert np.flatnonzero(found.clear & (off > 1e-6)).tolist() == []
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [1.05, 1.3])
 def test_the_whole_trace_lands_where_the_first_meeting_sends_the_light(backend, index):
     """By the kernel's normal at the first fall and Snell's law in vectors; the optimiser's tracer says the

@@ -62,7 +62,7 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
     assert compared(system, system.lens, backend, (9, 9), losing).mismatched == 4
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "source", [{"kind": "collimated", "half_width": (8, 8)}, {"kind": "point", "half_angle": 25}]
 )

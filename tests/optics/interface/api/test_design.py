@@ -90,6 +90,7 @@ def test_verify_checks_file_and_light(done):
     assert checked["grade"] == design.verdict.grade == "made"
 
 
+@pytest.mark.slow
 def test_it_shows_itself_without_touching_the_scripts_plots(done):
     design, _, _ = done
     html = design._repr_html_()
@@ -103,6 +104,7 @@ def test_it_shows_itself_without_touching_the_scripts_plots(done):
     assert repr(design).startswith("Design('small'")
 
 
+@pytest.mark.slow
 def test_a_design_is_a_scene_that_mitsuba_loads(done):
     mi = pytest.importorskip("mitsuba")
     design, _, _ = done
@@ -161,6 +163,7 @@ def test_a_front_alone_is_designed_stored_and_verified(tmp_path):
     assert made.verify()["ok"]
 
 
+@pytest.mark.slow
 def test_what_is_left_to_the_program_is_found_for_a_front_alone(tmp_path):
     """The bound of its sag and its finest level; the map asks for no more than the bound."""
     auto = {"lens.front.freeform.z_freedom": "auto", "lens.front.freeform.max_level": "auto"}

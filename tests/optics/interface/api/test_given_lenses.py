@@ -51,6 +51,7 @@ def test_a_lens_of_another_program_makes_the_light_of_its_surfaces(foreign, tmp_
     assert all(np.isfinite(effect.tolerance.amount) for effect in budget.effects)
 
 
+@pytest.mark.slow
 def test_a_lens_of_two_spheres_has_a_free_rear_of_zeros(tmp_path, backend):
     """A problem needs a free surface; the light of the lens does not change."""
     problem = load_problem(write_problem(tmp_path, ROUND))

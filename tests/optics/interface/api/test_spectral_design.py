@@ -34,6 +34,7 @@ def done(tmp_path_factory):
     return design, design.save(folder / "result")
 
 
+@pytest.mark.slow
 def test_the_result_holds_numbers_for_what_the_material_told(done):
     design, folder = done
     lens = load_problem(folder / "problem.toml").lens
@@ -46,6 +47,7 @@ def test_the_result_holds_numbers_for_what_the_material_told(done):
     assert design.asked.lens.index == "auto"
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_light_in_colour(done):
     design, folder = done
     with np.load(folder / "irradiance.npz") as arrays:
@@ -60,6 +62,7 @@ def test_the_folder_holds_the_light_in_colour(done):
     assert "is absorbed in the lens" in report
 
 
+@pytest.mark.slow
 def test_a_loaded_design_has_its_colours(done):
     design, folder = done
     loaded = optics.Design.load(folder)
@@ -67,6 +70,7 @@ def test_a_loaded_design_has_its_colours(done):
     assert loaded.metrics["colour"] == design.metrics["colour"]
 
 
+@pytest.mark.slow
 def test_the_resolved_problem_is_measured_alike(done):
     design, folder = done
     again = optics.System(load_problem(folder / "problem.toml")).measure(design.lens)

@@ -192,6 +192,7 @@ def test_a_folder_is_not_named_after_a_file_whose_name_windows_refuses(arguments
     assert line.endswith("Windows does not take: ':' in it; choose a folder with --out")
 
 
+@pytest.mark.slow
 def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
     path = write_problem(tmp_path)
     assert main(["check", str(path), "--set", "title=other title", "--set", "lens.thickness=7"]) == 0

@@ -13,6 +13,7 @@ from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import refused
 
 
+@pytest.mark.slow
 def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"lens.density": 1.2}))
     assert main(["check", path]) == 0
@@ -61,6 +62,7 @@ def test_check_warns_of_a_freedom_that_was_given_not_of_one_that_was_left_to_it(
         assert ("z_freedom is larger than the least thickness" in said.out) == warned, said
 
 
+@pytest.mark.slow
 def test_check_asks_whether_lengths_of_a_tiny_lens_or_target_are_in_mm(tmp_path, capsys):
     path = str(write_problem(tmp_path, {}))
     for changes, asked in (
@@ -81,6 +83,7 @@ def test_a_freedom_that_reaches_the_target_is_refused_with_one_that_does_not(tmp
     assert main(["check", path, "--set", f"{key}={most - 0.1}"]) == 0
 
 
+@pytest.mark.slow
 def test_check_names_one_remedy_for_a_steep_surface_that_z_freedom_cuts_off(tmp_path, capsys):
     """Half of a far field is 50 degrees wide; the rear bends light by less than 48.2."""
     wide = {"target.kind": "tophat", "target.distance": math.inf, "target.half_width": [50.0, 50.0]}

@@ -139,6 +139,7 @@ def test_a_stream_of_messages_is_otherwise_what_it_was(monkeypatch):
     assert sys.stderr.getvalue() == "abc"
 
 
+@pytest.mark.slow
 @needs_full
 def test_an_error_that_cannot_be_told_keeps_its_exit_code(tmp_path):
     with FULL.open("w") as full:
@@ -156,7 +157,7 @@ def test_messages_that_nobody_reads_take_no_result_away(tmp_path):
     assert "the problem is valid" in done.stdout
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("file", ["problem.toml", "none.toml"])
 def test_with_stderr_closed_nothing_of_it_goes_to_stdout(tmp_path, file):
     write_problem(tmp_path)

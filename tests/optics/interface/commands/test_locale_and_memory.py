@@ -63,7 +63,7 @@ def test_a_backend_for_windows_that_is_not_there_does_not_matter():
     assert b"none.toml" in found.stderr
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [100, 300, 500, 700])
 def test_a_lack_of_memory_is_called_so(tmp_path, room):
     """Dr.Jit would say that there is no LLVM library, or end the process."""

@@ -64,6 +64,7 @@ def test_light_in_lumens_is_exported_in_lumens(capsys, stored, tmp_path):
     assert json.loads((tmp_path / "light.ray.json").read_text())["flux_lm"] == rays.total
 
 
+@pytest.mark.slow
 def test_etendue_bounds_lumens_and_lux(capsys, problem_file):
     changes = DOME | {"source.unit": "lm", "source.flux": 100.0}
     path = problem_file(changes, drop=("target.image",))

@@ -106,7 +106,7 @@ def test_bad_ray_files_are_one_sentence_before_light_is_traced(
     assert {*tmp_path.iterdir()} == before
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ies", ".LDT"])
 def test_light_of_a_lens_is_written_as_a_luminaire(capsys, result, tmp_path, suffix):
     light = 1 + np.sin(np.arange(48 * 48)).reshape(48, 48) ** 2

@@ -105,6 +105,7 @@ def test_a_pack_holds_what_its_people_need_and_says_what_each_file_is(packs, pro
     assert "z = 6." in text  # the rear's vertex
 
 
+@pytest.mark.slow
 def test_the_same_result_makes_the_same_bytes_without_dates(golden, packs, tmp_path):
     again = tmp_path / "again.zip"
     packed(golden.path, "zemax", again)

@@ -78,6 +78,7 @@ def pdf_texts(data):
     return [re.sub(rb"\\(.)", rb"\1", text).decode("cp1252") for text in shown]
 
 
+@pytest.mark.slow
 def test_all_formats_hold_the_same_texts_and_repeat(capsys, copy, tmp_path):
     found = {}
     for suffix in ("svg", "dxf", "pdf"):

@@ -16,6 +16,7 @@ def result(tmp_path):
     return store_result(tmp_path / "result", load_problem(write_problem(tmp_path)), small_lens()).path
 
 
+@pytest.mark.slow
 def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     before = sha256_of(result / "result.json")
     words = ["tool", str(result), "--nose", "2", "--feed", "0.02", "--acceleration", "5", "--json"]
@@ -32,6 +33,7 @@ def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     assert sha256_of(result / "result.json") == before
 
 
+@pytest.mark.slow
 def test_text_record_and_page_say_the_same_of_polishing_and_cutting(capsys, result):
     assert main(["tool", str(result), "--ball", "2", "--step", "0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -56,7 +56,7 @@ LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
 COLOURS = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 1]]}
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words", "phases"),
     [
@@ -72,7 +72,7 @@ def test_what_is_not_shown_is_said(capsys, result, changes, words, phases):
     assert (folder / "trace" / "phase_space.png").exists() is phases
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "images"),
     [(PLATE | LAMP, 2), (LAMP | COLOURS, 2), (LAMP | {"lens.rear.slope_rms": 0.05}, 1)],

@@ -102,6 +102,7 @@ def test_a_check_that_breaks_is_no_bad_input(capsys, result, monkeypatch, argume
     assert "Traceback" in shown
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_not_a_file_that_cannot_be_read(capsys, result, monkeypatch):
     def full(path, content):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))

@@ -88,6 +88,7 @@ def export_options(tmp_path, out="part.step", mount="mount.toml", *more):
     return parsed([str(word) for word in given])
 
 
+@pytest.mark.slow
 def test_an_exported_mount_is_proven(tmp_path):
     write_lens(LENSES["round"], tmp_path / "lens.json")
     (tmp_path / "mount.toml").write_text(MOUNT)

@@ -155,7 +155,7 @@ def test_other_words_are_one_sentence(tmp_path, words, sentence):
         relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", slow_unless(("sun", "gaussian").count, ["sun", "uniform", "gaussian", "theta_uniform"])
 )

@@ -37,7 +37,7 @@ def lens_of(system):
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param({}, id="lambertian", marks=pytest.mark.slow), pytest.param(POINT, id="point")],
+    params=[pytest.param({}, id="lambertian"), pytest.param(POINT, id="point")],
 )
 def found(request, tmp_path_factory, backend):
     """Return (system, lens, OtherLight, metrics with it)."""
@@ -72,6 +72,7 @@ def test_the_image_is_that_of_all_branches_but_the_direct_ones(found, backend):
     assert other.share > NEGLIGIBLE
 
 
+@pytest.mark.slow
 def test_roulette_loses_no_flux_on_average(found, backend):
     """The fates of all light sum to the source's, to the spread of the replicates' sums."""
     _, _, other, _ = found
@@ -80,6 +81,7 @@ def test_roulette_loses_no_flux_on_average(found, backend):
     assert other.fates.failed == 0
 
 
+@pytest.mark.slow
 def test_metrics_are_those_of_all_light(found):
     _, _, _, metrics = found
     count = metrics["nonsequential"]
@@ -179,6 +181,7 @@ def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_i
     assert metrics["efficiency"] == pytest.approx(closed["on_target"], abs=0.01)
 
 
+@pytest.mark.slow
 def test_what_the_walls_send_beside_the_target_is_stray(backend):
     """Next to nothing of it lands on the target, so that the light there is that of front and rear alone."""
     thick = {"lens.thickness": 25.0, "lens.rear.radius": -60.0, "lens.rear.conic": -1.0}

@@ -88,7 +88,7 @@ def test_a_rim_keeps_all_flux(cut):
     assert cut.flux(image) == pytest.approx(fates.on_target, rel=1e-12)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [None, 0.4])
 @pytest.mark.parametrize("half_width", RIMS)
 def test_what_passes_a_straight_rim_is_known(tmp_path, backend, half_width, sigma):
@@ -153,7 +153,7 @@ def test_what_passes_a_round_rear_is_its_cone(tmp_path, backend, radius):
     assert fates.missed_rear == pytest.approx(0.96 * missed, abs=1e-6)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "order", "scale"),
     [("small rear", 2, 1.0), ("wide cone", 2, 1.0), ("total reflection", 1.5, 2.0)],
@@ -169,7 +169,7 @@ def test_what_arrives_does_not_depend_on_the_cells(made, name, order, scale):
     assert few != many
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["point", "small rear", "total reflection", "far field"])
 def test_rays_land_where_the_light_of_cells_is(made, name):
     """Rays on a grid of n^2 in a pixel: sqrt(4 n) or so count for the wrong side of its borders."""

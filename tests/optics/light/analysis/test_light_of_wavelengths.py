@@ -44,7 +44,7 @@ def prism(system):
     return system.lens.with_sags([THBSurface(sag.space, np.tile(heights, sag.space.kv_u.dim))])
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [GLOWING | TWO, DIVERGING], ids=["spectrum", "beam that diverges"])
 def test_the_error_of_light_beside_the_target_is_told(tmp_path, backend, changes):
     system = system_of(tmp_path, changes | {"target.half_width": [5.0, 5.0]})

@@ -82,6 +82,7 @@ def test_parallel_light_behind_a_window_has_its_illuminance(metrics):
     assert "beam" not in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [SQUARE, CONE], ids=["plane", "far field"])
 def test_the_unit_changes_names_and_no_number(metrics, case):
     watts, lumens = metrics(case), metrics(case | {"source.unit": "lm"})

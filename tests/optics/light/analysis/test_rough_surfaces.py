@@ -35,7 +35,7 @@ PLATES = list(product(("front", "rear"), (0.01, 0.02), SOURCES))
 OFTEN = [plate for k, plate in enumerate(PLATES) if k in (1, 2, 4, 7)]  # every pair
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", slow_unless(OFTEN.__contains__, PLATES), ids=str)
 def test_a_rough_plate_spreads_light_by_its_slopes(tmp_path, case):
     """Small errors d of the slope turn light by (n - 1) d behind the rear, by (n - 1) d / n behind the front.
@@ -67,6 +67,7 @@ def test_roughness_and_divergence_add_up(tmp_path):
     assert measured.metrics["estimator"] == "beams"
 
 
+@pytest.mark.slow
 def test_a_rough_fixed_mirror_behind_the_lens_spreads_light_by_its_own_slopes():
     """Slopes d of a mirror at 45 degrees turn light by 2 d across the fold, and by 2 d cos(45) along it."""
     sides = {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10)}}

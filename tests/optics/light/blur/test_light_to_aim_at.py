@@ -94,6 +94,7 @@ def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     assert plain.goal is plain.target
 
 
+@pytest.mark.slow
 def test_a_wide_blur_is_aimed_through_on_merged_pixels(tmp_path):
     """It hides them anyway, and reaches far: 12 degrees over 60 mm are 16 pixels here, or a thousand."""
     for pixels, most in ((48, 48 + 2 * 20), (2048, 2048 // 8 + 2 * 66)):

@@ -69,7 +69,7 @@ def test_gradient_is_that_of_the_loss(tmp_path, case):
     assert_gradient_of_loss(optics.System(load_problem(write_problem(tmp_path, CASES[case]))), (97, 97))
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", slow_unless(("sun", "rough, of a point", "sun in the far field").count, CASES)
 )

@@ -112,6 +112,7 @@ def test_rays_whose_window_misses_the_screen_leave_no_light(backend, x, y):
     assert not splat(backend, Screen((3.0, 2.0), (6, 4)), BSplineWindow(3), x, y, 5.0).any()
 
 
+@pytest.mark.slow
 def test_single_precision_finds_every_pixel_of_the_largest_screen():
     """Pixel numbers of 4112 x 4112 pixels pass 2^24, beyond which float32 skips whole numbers."""
     single = load_backend("single", 1)

@@ -57,6 +57,7 @@ def test_a_perfect_focus_puts_all_light_on_the_disk(concentrated):
     assert found.searched == 480
 
 
+@pytest.mark.slow
 def test_the_sun_s_own_disk_limits_a_focus(concentrated):
     """A square beam that shrinks towards the focus, in a disk that grows as the sun's image does."""
     system, found = concentrated(BURNING | {"source.divergence_profile": "sun"})

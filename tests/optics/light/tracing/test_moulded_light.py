@@ -126,7 +126,7 @@ def test_rounded_edges_absorb_what_meets_them_from_within(backend, tmp_path):
 PLATES = {"upright": (10.0, 10.0, 20.7), "slanted": (7.0, 10.0, 20.7), "larger front": (9.0, 6.5, 19.0)}
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLATES)
 def test_every_branch_through_a_plate_is_that_of_the_file(backend, tmp_path, name):
     """Walls are cut at the land by level curves within 1e-9 mm, and slanted ones are splines as of a lens."""

@@ -44,7 +44,7 @@ def test_invisible_light_has_no_colour_but_a_shift(tmp_path, backend):
     assert found["shift"] > 0
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["W", "lm"])
 def test_light_half_as_bright_as_asked_for_is_half_of_white(tmp_path, backend, unit):
     """A diagonal of pixels has the colour of the source: the picture is black and grey.
@@ -61,6 +61,7 @@ def test_light_half_as_bright_as_asked_for_is_half_of_white(tmp_path, backend, u
     assert (abs(grey - 188) <= 1).mean() > 0.01  # sRGB of 0.5; text has some pixels of every grey
 
 
+@pytest.mark.slow
 def test_a_red_pixel_is_red(tmp_path, backend):
     system, measurement = measured(tmp_path, backend, SPECTRAL)
     (red,) = spectral_lines(((640.0, 1.0),))

@@ -51,7 +51,7 @@ def red(png):
     return np.count_nonzero((r - g > 60) & (np.abs(g - b) < 30))
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOURCES)
 def test_every_kind_of_source_has_its_picture(backend, made, name):
     problem, lens = made(SOURCES[name])
@@ -88,7 +88,7 @@ def test_rays_go_straight_through_a_plate(backend, made):
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -155,6 +155,7 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
     assert abs((angle + np.pi) % (2 * np.pi) - np.pi) < np.radians(15)
 
 
+@pytest.mark.slow
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
     counts = [

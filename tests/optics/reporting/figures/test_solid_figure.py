@@ -53,6 +53,7 @@ def box(mask):
     return np.ptp(columns) + 1, np.ptp(rows) + 1
 
 
+@pytest.mark.slow
 def test_the_same_lens_gives_the_same_picture_and_no_figure_stays_open():
     solid = lens(rear=rippled(0.05, 150.0))
     png = solid_views(solid)
@@ -61,6 +62,7 @@ def test_the_same_lens_gives_the_same_picture_and_no_figure_stays_open():
     assert plt.get_fignums() == []
 
 
+@pytest.mark.slow
 def test_a_sag_of_zeros_is_drawn_as_none():
     """What is left of the slopes of a paraboloid is rounding, and no relief to be shaded."""
     none, zeros = (
@@ -79,7 +81,7 @@ def test_ripples_of_a_twentieth_of_a_millimetre_are_seen_on_100_mm():
     assert np.array_equal(before[PANELS["front"]], after[PANELS["front"]])
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("face", "panel", "side"), [("rear", "rear", 1), ("front", "front", -1)])
 def test_relief_is_drawn_where_it_is(face, panel, side):
     """Ripples between 0.3 and 1 of high x lie at the right in the view from the rear, and at the left in that
@@ -110,7 +112,7 @@ def picture_of(name):
     return picture(SIZES[name])
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIZES)
 def test_outlines_have_the_proportions_of_the_lens(name):
     """Width, height and depth of the three outlines at one scale, to the two pixels that lines of ink take at

@@ -106,7 +106,7 @@ GLASS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6.0, "front": 
 GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_freedom": 1.0}}}
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [False, True])
 def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatch, row):
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
@@ -120,6 +120,7 @@ def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatc
     assert photograph(system, lens, light, sight) == photograph(system, lens, light, whole)
 
 
+@pytest.mark.slow
 def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
     """The plane mirror's normal is n = (0, 1, -1) / sqrt 2; the plate, whose sag is zero, turns no ray."""
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}

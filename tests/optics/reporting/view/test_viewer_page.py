@@ -76,6 +76,7 @@ def path(*points, fate="on_target"):
     return RayPath(np.array(points, float), fate)
 
 
+@pytest.mark.slow
 def test_points_are_the_lens_s_own_rounded_to_float32(page):
     """Half a unit in the last place of float32, of z and of x and y times the greatest slope, below 1."""
     lens = rough_lens()

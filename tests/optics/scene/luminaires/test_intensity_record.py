@@ -34,6 +34,7 @@ def test_between_angles_it_is_bilinear_and_beyond_them_zero():
     np.testing.assert_allclose(found, [2, 2.75, 2.5, 0, 0], rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_flux_is_the_integral_of_the_interpolated_intensity():
     """Against adaptive quadrature over every rectangle of the grid."""
     lamp = asymmetric()

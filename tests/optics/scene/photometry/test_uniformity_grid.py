@@ -138,6 +138,7 @@ def test_a_stripe_of_few_boxes_is_not_judged():
     assert "leaves boxes on" in uniformity(np.ones((40, 40)), stripe, (1, 1)).reason
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_repetitions():
     """Light of one dark box, measured 400 times: the scatter of U0, and the mean of rsd, are as is said."""
     rng, true = np.random.default_rng(5), np.ones((84, 84))

@@ -65,7 +65,7 @@ def test_nothing_else_changes(tmp_path, fit, far):
     )
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seen_from", "words"),
     [

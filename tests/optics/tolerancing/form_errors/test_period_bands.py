@@ -132,6 +132,7 @@ def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend,
     assert usual.traced_rel_l2 - of((48, 48)).traced_rel_l2 == 0
 
 
+@pytest.mark.slow
 def test_light_that_ends_before_the_rim_starts_from_the_same_rel_l2_as_the_report(tmp_path, backend):
     """A top hat's edge shows cells that end a ten-thousandth too early."""
     beam = {"target.kind": "tophat", "target.lit": [0.75, 0.75], "target.pixels": [160, 160]}

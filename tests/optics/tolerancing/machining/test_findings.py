@@ -53,6 +53,7 @@ def test_between_the_bounds_the_sentence_says_so_and_the_check_fails(found):
     assert tool_data(findings)["surfaces"]["rear"]["fit"] == "undecided"
 
 
+@pytest.mark.slow
 def test_rpm_beyond_the_machine_fails_and_the_highest_rpm_passes(found):
     limit = 2.0
     order = ToolOrder(nose=1.0, feed=0.01, acceleration=limit)

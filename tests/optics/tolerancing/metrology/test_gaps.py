@@ -106,6 +106,7 @@ def test_what_was_not_measured_carries_no_error(system, backend, part: float) ->
     assert data["measured_light"] < 1
 
 
+@pytest.mark.slow
 def test_a_surface_that_was_measured_all_over_has_an_error(system, backend) -> None:
     built = light_as_built(system, system.lens, measured(system.lens.rear), backend, "rear", correct=False)
     assert built.known == 1
@@ -167,6 +168,7 @@ def test_where_noise_swamps_the_light_nothing_is_known_of_it(monkeypatch) -> Non
     assert (found.rel_l2, found.error) == (0.0, 0.12)
 
 
+@pytest.mark.slow
 def test_the_table_counts_the_points_that_a_fit_leaves_out(system, backend) -> None:
     rear = system.lens.rear
     line = (h * np.linspace(-1, 1, 60) for h in rear.half_width)

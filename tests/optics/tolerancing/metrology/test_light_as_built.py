@@ -119,7 +119,7 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
     assert any("as made, aligned by datums" in line for line in as_built_lines(built))
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["heights", "errors"])
 def test_points_beside_the_surface_are_left_out_of_the_count(system, backend, tmp_path, kind) -> None:
     rear = system.lens.rear

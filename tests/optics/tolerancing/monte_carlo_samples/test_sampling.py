@@ -65,6 +65,7 @@ def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
     assert made.failures == ()
 
 
+@pytest.mark.slow
 def test_forms_alone_are_traced_with_both_signs(tmp_path):
     """Their mean rise of rel_l2^2 is quadratic in the rms: what changes sign has cancelled."""
     model = model_of(tmp_path)

@@ -53,6 +53,7 @@ def named(system, names):
     return [t for t in tolerances_of(system) if t.name in names]
 
 
+@pytest.mark.slow
 def test_moved_landing_points_predict_the_change_of_rough_light(tmp_path, backend):
     """Within 2 % of the change at a tenth of a pixel; most of the rest is where corners pass knots."""
     light = small_light(tmp_path, backend)
@@ -130,6 +131,7 @@ def test_a_limit_that_light_does_not_tell_is_missed():
     assert missed({"min_over_mean": 0.7}, unknown) == {"min_over_mean": 0.7}
 
 
+@pytest.mark.slow
 def test_an_amount_that_puts_out_the_light_is_no_free_one(budget, backend):
     """No ray then tells how far light moves."""
     system, lens, target, found = budget

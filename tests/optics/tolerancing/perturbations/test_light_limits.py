@@ -51,7 +51,7 @@ def even(tmp_path_factory):
     return even_system(tmp_path_factory.mktemp("even"))
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limits", "reached"),
     [

@@ -186,7 +186,7 @@ def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(
     assert fates.total == pytest.approx(1.0, rel=1e-9)
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @given(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.floats(-0.5, 0.5))
 def test_as_much_of_a_moved_beam_misses_the_lens_as_lies_beside_it(wide_light, shift, size):
     """What two rectangles share; of rays, give or take a row of them at a border."""

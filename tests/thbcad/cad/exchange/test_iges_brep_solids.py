@@ -27,6 +27,7 @@ def written(lens, name, folder):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 @examples(15, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(lens=lenses())

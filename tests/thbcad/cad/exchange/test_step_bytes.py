@@ -69,6 +69,7 @@ def test_a_refined_corner_exports_only_its_knots(tmp_path):
     assert read_step(tmp_path / "lens.step").front.kind == "PLANE"
 
 
+@pytest.mark.slow
 def test_a_lens_refined_in_one_quarter_is_a_small_file():
     """32^2 spans, of which one quarter is refined to 256^2: poles in lines through the quarter, (16 + 128)^2
     of 256^2."""

@@ -85,6 +85,7 @@ def test_faces_and_rims_are_what_they_are(front, size):
         assert np.sign(shape.normal_at().Z) == up
 
 
+@pytest.mark.slow
 def test_every_edge_lies_on_its_faces():
     """At 50 points of the curve and of its image, by OCCT."""
     for front, size in product(CONICS, ("equal", "mixed")):

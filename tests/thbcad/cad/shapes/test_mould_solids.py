@@ -151,7 +151,7 @@ def radii(points):
     return a * b * c / (2 * np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0]), axis=1))
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROUNDED)
 def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear(name, tmp_path):
     """In the file, read by build123d: arcs across every rounding through three points to 1e-6 mm, and every
