@@ -161,7 +161,7 @@ ALIGNED = {
 }
 # light that leaves 80 degrees from the axis meets a rim beyond the lit face, or the far side of a bowl
 SHALLOW = {
-    "element.M1.face.half_width": [90.0, 90.0],
+    "element.M1.face.half_width": [86.0, 86.0],
     "target.crossing": False,
     "optimizer.iterations": [200],
 }
@@ -177,7 +177,7 @@ CASES = {
         0.02,
         True,
         height=75.0,
-        changes=BEGUN,
+        changes=BEGUN | {"element.M1.face.half_width": [90.0, 90.0]},
         far_steps=(30, 200),
     ),
 }
