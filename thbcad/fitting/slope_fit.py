@@ -34,7 +34,7 @@ from thbcad.surfaces import THBSurface
 STEPS = 60  # of conjugate gradients, at most
 # of the residual, relative to the right side: a mirror before a disk of light ends at a rel_l2 of 3.6 % with
 # 3e-4, and of 0.3 % from 1e-4 on
-TOLERANCE = 3e-5
+TOLERANCE = 1e-5
 EXTENSION = 1e-4  # of the mean square of samples: weight of the polygon's bends where samples lack
 # Greatest ratio of functions and samples in a direction: from 0.88 on slopes at samples leave nearly open how
 # the coefficients alternate (a sag of 6 mm then had coefficients of 35 mm).
