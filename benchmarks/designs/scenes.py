@@ -67,7 +67,7 @@ class Scene:
 
 
 SCENES = {
-    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [48]}, 12),
+    "mirror, beam at 45 degrees, pearl": Scene("mirror", 0.028, BESIDE | {"optimizer.iterations": [52]}, 12),
     "mirror, beam at 45 degrees, top hat": Scene("mirror", 0.005, BESIDE | TOP_HAT),
     "mirror, point, pearl": Scene(
         "lamp_reflector", 0.035, NEAR | PEARL | {"element.M1.face.freeform.max_level": "auto"}
@@ -96,7 +96,7 @@ SCENES = {
 }
 ROWS = {
     "fixed lens that spreads the beam, mirror": Scene(
-        "two_elements", 0.032, {"element.M1.face.freeform": SPANS, "optimizer.iterations": [24]}, 15
+        "two_elements", 0.032, {"element.M1.face.freeform": SPANS, "optimizer.iterations": [32]}, 15
     ),
     "lens, fixed hollow mirror of radius 800 mm": Scene(
         "folded",
