@@ -183,12 +183,14 @@ class ParametricFace:
 
         points, directions : (n, 3).
         """
-        uv = self._below(points[:, :2])
-        aside = np.abs(directions[:, :2])
-        slanted, steep = (aside >= STILL).any(axis=1), aside @ self._steepest < directions[:, 2]
-        for chosen, found in ((slanted & steep, self._crossing), (slanted & ~steep, self._search)):
-            if chosen.any():
-                uv[chosen] = found(points[chosen], directions[chosen])
+        uv, aside = self._below(points[:, :2]), np.abs(directions[:, :2])
+        left: Bools = (aside >= STILL).any(axis=1)
+        steep = np.flatnonzero(left & (aside @ self._steepest < directions[:, 2]))
+        if steep.size:
+            falls, at = self._crossing(points[steep], directions[steep])
+            uv[steep[falls]], left[steep[falls]] = at, False
+        if left.any():
+            uv[left] = self._search(points[left], directions[left])
         return uv
 
     def _below(self, points: Floats) -> Floats:
@@ -196,21 +198,23 @@ class ParametricFace:
         fraction = np.clip((points - self._box[0][:2]) / (self._box[1] - self._box[0])[:2], 0, 1)
         return self.low + fraction * (self.high - self.low)
 
-    def _crossing(self, points: Floats, directions: Floats) -> Floats:
-        """Return the parameters where rays fall through the face that do so once; else the nearer end."""
+    def _above(self, points: Floats) -> Floats:
+        """Return how far the face lies above points (..., 3), mm."""
+        heights: Floats = self._height(self._below(points[..., :2])) - points[..., 2]
+        return heights
+
+    def _crossing(self, points: Floats, directions: Floats) -> tuple[Bools, Floats]:
+        """Return which rays, steeper than the face, fall through it, and the parameters where they do."""
 
         def above(t: Floats, *ray: Floats) -> Floats:
-            (x, y, z), (p, q, r) = ray[:3], ray[3:]
-            return self._height(self._below(np.stack([x + t * p, y + t * q], axis=-1))) - (z + t * r)
+            return self._above(np.stack([a + t * d for a, d in zip(ray[:3], ray[3:])], axis=-1))
 
         first, last = self._within_box(points, directions)
         rays = (*points.T, *directions.T)
-        before = above(first, *rays) > 0
-        falls = before & (above(last, *rays) <= 0)
+        falls = (above(first, *rays) > 0) & (above(last, *rays) <= 0)
         ends, own = (first[falls], last[falls]), tuple(a[falls] for a in rays)
-        t = np.where(before, last, first)
-        t[falls] = find_root(above, ends, args=own, tolerances={"xatol": NEAR * self.width}).x
-        return self._below((points + t[:, None] * directions)[:, :2])
+        t = find_root(above, ends, args=own, tolerances={"xatol": NEAR * self.width}).x
+        return falls, self._below(points[falls, :2] + t[:, None] * directions[falls, :2])
 
     def _search(self, points: Floats, directions: Floats) -> Floats:
         """Return the parameters where slanted rays first fall through the face, to a step's width.
@@ -222,8 +226,7 @@ class ParametricFace:
         steepest = np.abs(directions[:, :2]) @ self._steepest + np.abs(directions[:, 2])
 
         def above(ray: Integers, t: Floats) -> Floats:
-            here = points[ray] + t[:, None] * directions[ray]
-            return self._height(self._below(here[:, :2])) - here[:, 2]
+            return self._above(points[ray] + t[:, None] * directions[ray])
 
         def sampled(ray: Integers, count: int) -> tuple[Floats, Floats]:
             share = np.linspace(0.0, 1.0, count)
@@ -260,7 +263,7 @@ class ParametricFace:
     def behind(self, points: Floats, directions: Floats) -> Bools:
         """Return which rays come into the face's box above the face: they pass its rim."""
         here = points + self._within_box(points, directions)[0][:, None] * directions
-        return here[:, 2] - self._height(self._below(here[:, :2])) > MEETS * self.width
+        return self._above(here) < -MEETS * self.width
 
     def _within_box(self, points: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Return the ray parameters at which rays enter and leave the face's box."""

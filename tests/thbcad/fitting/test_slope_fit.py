@@ -111,6 +111,24 @@ def test_cells_of_little_weight_do_not_count():
     assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(zx[30:] ** 2))
 
 
+@pytest.mark.parametrize("local", [False, True])
+def test_uneven_weights_are_fitted_as_well_as_by_dense_least_squares(local):
+    """Slopes that no surface has, with weights of 1 in a disk and 1e-3 beside it."""
+    space, (x, y) = space_of(3, 2, local), samples()
+    weight = np.where(np.hypot(x[:, None] / 2, y[None, :]) < 0.7, 1.0, 1e-3)
+    zx, zy = np.sin(3 * x)[:, None] * np.cos(4 * y), np.cos(2 * x)[:, None] * y**2
+    rows = [
+        np.concatenate([b.grid(x, y, (1, 0)).ravel(), b.grid(x, y, (0, 1)).ravel()])
+        for b in (THBSurface(space, e) for e in np.eye(space.dim))
+    ]
+    root = np.sqrt(np.concatenate([weight.ravel()] * 2))
+    wanted = root * np.concatenate([zx.ravel(), zy.ravel()])
+    best = np.linalg.lstsq(np.transpose(rows) * root[:, None], wanted, rcond=1e-12)[0]
+    found = fit_slopes(space, x, y, zx, zy, weight).coefficients
+    off = [float(np.sum((root * (c @ rows) - wanted) ** 2)) for c in (best, found)]
+    assert off[1] < 1.0001 * off[0]
+
+
 def test_nearly_as_many_functions_as_samples_do_not_spoil_the_fit():
     """115 functions on 128 samples, whose slopes jump where the weight does."""
     n = 128

@@ -85,3 +85,18 @@ def test_a_tensor_product_space_is_its_own_system():
     assert basis.size == 49
     assert (basis.coefficients(w) == w).all()
     assert (basis.adjoint(w) == w).all()
+
+
+@examples(25)
+@given(st.data())
+def test_the_diagonal_of_a_quadratic_form_is_that_of_its_columns(data):
+    """Of the sum of the squares of values at points."""
+    space, refined = data.draw(hierarchies(max_spans=3, deepest=2))
+    u, v = data.draw(points(space))
+    columns = generating_system(space, refined, u, v)
+    squares = [
+        np.einsum("pi,pj->ij", *(kv.collocation(s).toarray() ** 2 for kv, s in zip(kvs, (u, v))))
+        for kvs in map(space.embedding.knots, range(space.levels))
+    ]
+    found = MultilevelBasis(space).diagonal(squares)
+    np.testing.assert_allclose(found, (columns**2).sum(axis=0), rtol=1e-10, atol=1e-14)

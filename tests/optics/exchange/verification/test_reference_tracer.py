@@ -128,6 +128,21 @@ def test_rays_meet_a_wavy_face_where_they_first_fall_through_it(backend, wave):
         assert several.sum() >= 5
 
 
+def test_rays_steeper_than_a_face_fall_through_it_where_the_search_finds_it():
+    lens = wavy_lens(0.5, (2, 3))
+    origin, direction = grazing(lens, 4000, 1)
+    origin[::10, 0] += 4 * HALF  # beside the face
+    face = ParametricFace(placed_surfaces(lens)[1])
+    steep = np.abs(direction[:, :2]) @ face._steepest < direction[:, 2]
+    origin, direction = origin[steep], direction[steep]
+    falls, at = face._crossing(origin, direction)
+    assert falls.sum() > 300
+    assert (~falls).sum() > 10
+    assert np.abs(at - face._search(origin[falls], direction[falls])).max() < 1e-3 * HALF
+    _, _, met = _intersect(face, origin, direction)
+    np.testing.assert_array_equal(met, falls)
+
+
 @pytest.mark.slow
 @examples(12)
 @given(

@@ -66,8 +66,19 @@ def test_the_same_scene_gives_the_same_bytes(scene):
 
 
 def test_a_body_may_be_its_file_under_another_name(scene):
-    files = [(step_bytes(b, replace(product, name="it's 'ü'")), product, pose) for b, product, pose in BODIES]
+    files = [
+        (step_bytes(b, replace(product, name="it's 'ü' #1")), product, pose) for b, product, pose in BODIES
+    ]
     assert entities(scene_step(files, WHOLE)) == entities(scene.read_bytes())
+
+
+def test_numbers_are_those_of_one_entity_each_and_texts_keep_theirs():
+    text = scene_step([(b, Product("it's #12"), pose) for b, _, pose in BODIES], WHOLE).decode("ascii")
+    own = re.findall(r"^#(\d+)=", text, re.MULTILINE)
+    said = re.findall(r"'(?:[^']|'')*'|#(\d+)", text)
+    assert len(set(own)) == len(own)
+    assert set(said) - {""} == set(own)
+    assert text.count("PRODUCT('it''s #12','it''s #12'") == len(BODIES)
 
 
 def test_occt_reads_whole_solids_with_the_numbers_in_memory(scene):
