@@ -96,7 +96,7 @@ SCENES = {
 }
 ROWS = {
     "fixed lens that spreads the beam, mirror": Scene(
-        "two_elements", 0.032, {"element.M1.face.freeform": SPANS, "optimizer.iterations": [32]}, 15
+        "two_elements", 0.032, {"element.M1.face.freeform": SPANS, "optimizer.iterations": [24]}, 15
     ),
     "lens, fixed hollow mirror of radius 800 mm": Scene(
         "folded",

@@ -184,7 +184,7 @@ class ParametricFace:
         points, directions : (n, 3).
         """
         uv, aside = self._below(points[:, :2]), np.abs(directions[:, :2])
-        left: Bools = (aside >= STILL).any(axis=1)
+        left: Bools = np.asarray((aside >= STILL).any(axis=1))
         steep = np.flatnonzero(left & (aside @ self._steepest < directions[:, 2]))
         if steep.size:
             falls, at = self._crossing(points[steep], directions[steep])
