@@ -47,7 +47,7 @@ def printed(notebook):
     """Return what cells print, without those whose outputs are not stored; numbers become x."""
     kept = [cell for cell in notebook.cells if "unstored" not in cell.metadata.get("tags", ())]
     texts = [o.text for cell in kept for o in cell.get("outputs", ()) if o.get("name") == "stdout"]
-    return re.sub(r"\d[\d.,]*", "x", "".join(texts)).split()
+    return re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "x", "".join(texts)).split()
 
 
 @pytest.mark.parametrize(
