@@ -72,7 +72,11 @@ SCENES = {
     "mirror, point, pearl": Scene(
         "lamp_reflector", 0.035, NEAR | PEARL | {"element.M1.face.freeform.max_level": "auto"}
     ),
-    "mirror, point, top hat": Scene("lamp_reflector", 0.006, NEAR | {"target.lit": [0.8, 0.8]}),
+    "mirror, point, top hat": Scene(
+        "lamp_reflector",
+        0.006,
+        NEAR | {"target.lit": [0.8, 0.8], "element.M1.face.freeform.max_level": "auto"},
+    ),
     # the light in the glass is turned by 13 degrees, towards the screen
     "lens, screen turned to it, both faces bend": Scene(
         "pearl",

@@ -177,8 +177,8 @@ CASES = {
         0.02,
         True,
         height=75.0,
-        changes=BEGUN | {"element.M1.face.half_width": [90.0, 90.0]},
-        far_steps=(30, 200),
+        changes=BEGUN | RIM | {"element.M1.face.half_width": [90.0, 90.0]},
+        far_steps=(100,),
     ),
 }
 

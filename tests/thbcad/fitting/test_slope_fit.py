@@ -1,5 +1,7 @@
 """Surfaces from slopes: exact where a space holds the surface, best elsewhere."""
 
+import importlib
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -109,6 +111,31 @@ def test_cells_of_little_weight_do_not_count():
     found = fit_slopes(space, x, y, zx, zy, weight)
     off = (found.grid(x, y, (1, 0)) - zx)[30:]
     assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(zx[30:] ** 2))
+
+
+@pytest.mark.parametrize("direct", [0, 10_000])
+def test_a_factorisation_and_steps_find_the_same_slopes(monkeypatch, direct):
+    """Against the dense normal equations, where light is; other degrees by direction, knots at will."""
+    module = importlib.import_module("thbcad.fitting.slope_fit")
+    monkeypatch.setattr(module, "DIRECT", direct)
+    kv_u = KnotVector(2, [-2, -2, -2, -1.7, -0.4, 0.1, 0.1, 1.3, 2, 2, 2])
+    kv_v = KnotVector(3, [-1, -1, -1, -1, -0.2, 0.3, 0.5, 1, 1, 1, 1])
+    space, (x, y) = THBSpace(kv_u, kv_v), samples()
+    weight = np.where(x[:, None] > 0.5 * y, 1.0, 1e-3)
+    zx, zy = np.sin(3 * x)[:, None] * np.cos(4 * y), np.cos(2 * x)[:, None] * y**2
+    found = fit_slopes(space, x, y, zx, zy, weight)
+    rows = np.array(
+        [
+            [b.grid(x, y, (1, 0)).ravel(), b.grid(x, y, (0, 1)).ravel()]
+            for b in (THBSurface(space, e) for e in np.eye(space.dim))
+        ]
+    )
+    normal = np.einsum("iks,jks,s->ij", rows, rows, weight.ravel())
+    right = np.einsum("iks,ks,s->i", rows, np.array([zx.ravel(), zy.ravel()]), weight.ravel())
+    best = THBSurface(space, np.linalg.lstsq(normal, right, rcond=1e-13)[0])
+    for order in ((1, 0), (0, 1)):
+        off = found.grid(x, y, order) - best.grid(x, y, order)
+        assert np.sqrt(np.mean(weight * off**2)) < 1e-4
 
 
 @pytest.mark.parametrize("local", [False, True])
