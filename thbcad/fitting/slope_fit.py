@@ -14,10 +14,10 @@ methods, Numer. Math. 6 (1964).
 
 A THB space starts from the fits of its levels: a function of level l takes its coefficient from the fit of
 that level (a quasi-interpolant: H. Speleers, C. Manni, Numer. Math. 132 (2016)).  What is left, there and for
-uneven weights, a banded Cholesky factorisation solves on small tensor-product meshes, and conjugate gradients
-on others.  They solve for the weights of a `MultilevelBasis`, preconditioned by the
-diagonal of their normal equations, so that weights which differ a thousandfold cost few steps (multilevel
-diagonal scaling: X. Zhang, Numer. Math. 63 (1992)).
+uneven weights, a banded Cholesky factorisation solves on small tensor-product meshes, conjugate gradients on
+others.  They solve for the weights of a `MultilevelBasis`, preconditioned by the diagonal of their normal
+equations, so that weights which differ a thousandfold cost few steps (multilevel diagonal scaling: X. Zhang,
+Numer. Math. 63 (1992)).
 """
 
 from collections.abc import Iterator
@@ -32,9 +32,7 @@ from thbcad.hierarchy import MultilevelBasis, THBSpace
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
-DIRECT = (
-    4000  # functions of a tensor-product mesh, at most, of which a factorisation is quicker than the steps
-)
+DIRECT = 4000  # functions of a tensor-product mesh, at most: then a factorisation is quicker than steps
 STEPS = 60  # of conjugate gradients, at most
 # of the residual, relative to the right side: with 3e-4 a mirror before a disk of light ends at a rel_l2 of
 # 3.6 %, from 1e-4 on of 0.3 %; what a start tells of the losses of another place needs 1e-5
