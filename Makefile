@@ -144,9 +144,7 @@ quick: setup
 lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@.venv/bin/mypy
-	@.venv/bin/mypy --platform win32 --cache-dir .mypy_cache/win32
-	@.venv/bin/mypy --platform darwin --cache-dir .mypy_cache/darwin
+	@printf '%s\n' linux win32 darwin | xargs -P 3 -I {} .venv/bin/mypy --platform {} --cache-dir .mypy_cache/{}
 
 # A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
 docs:

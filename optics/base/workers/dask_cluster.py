@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
-from concurrent.futures import CancelledError
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, Executor, Future
+from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import UserError
 from optics.base.workers.local_processes import Worker
@@ -19,6 +19,28 @@ if TYPE_CHECKING:
 # they would print tracebacks, until after the end, of a lost scheduler, which is told in one sentence
 LOGS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
 PATIENCE = 10.0  # seconds in which a scheduler answers: a busy one needs less than one
+
+
+class _OneWorker(Executor):
+    """An executor of one worker.  That of distributed calls an answer an error if its worker ends then."""
+
+    def __init__(self, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return what a function will return; cancelled with it, a task that waits is not begun."""
+
+        async def answered() -> Any:
+            try:
+                return await task
+            except asyncio.CancelledError:
+                await task.cancel()
+                raise
+
+        # pure: the same task of two runs is two tasks
+        task = self._client.submit(fn, *args, workers=[self._address], pure=False, **kwargs)
+        loop: Any = self._client.loop  # of tornado, around asyncio's
+        return asyncio.run_coroutine_threadsafe(answered(), loop.asyncio_loop)
 
 
 class DaskCluster:
@@ -55,9 +77,7 @@ class DaskCluster:
             del self._workers[gone]
         for address, count in threads.items():
             if address not in self._workers:
-                # pure: the same task of two runs is two tasks
-                executor = self._client.get_executor(workers=[address], allow_other_workers=False, pure=False)
-                self._workers[address] = Worker(executor, count)
+                self._workers[address] = Worker(_OneWorker(self._client, address), count)
         return self._workers
 
     def lost(self, name: str) -> None:

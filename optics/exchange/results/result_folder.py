@@ -167,7 +167,11 @@ class ResultFolder:
         return {name: lens_of(path, "run the design again") for name, path in files.items()}
 
     def read_history(self) -> tuple[Row, ...]:
-        """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0."""
+        """Return the rows of history.csv; the time of an evaluation is not kept, it reads as 0.
+
+        Raises UserError : it is missing, or is not that of the result.
+        """
+        self.require_recorded(["history.csv"])
         with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
             return tuple(_row(**row) for row in csv.DictReader(file))
 

@@ -96,6 +96,9 @@ def monte_carlo(
 
     Raises UserError : bad numbers, or no workers.
     """
+    _require_design("monte_carlo", design)
+    if not isinstance(budget, ToleranceBudget):
+        raise UserError(f"monte_carlo takes the budget that tolerances returns, got {budget!r}")
     each_set(samples)  # refuses it before any worker starts
     model = ErrorModel(
         design.system,
@@ -119,6 +122,7 @@ def require_monte_carlo(
     scheduler: str | None = None,
 ) -> None:
     """Raise UserError where `monte_carlo` would refuse these arguments, before any work is done."""
+    _require_design("monte_carlo", design)
     each_set(samples)
     require_workers(workers, scheduler)
     if scheduler is not None:

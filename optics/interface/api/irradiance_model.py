@@ -10,7 +10,9 @@ Calls from several threads are safe: they wait for each other, since Dr.Jit's ke
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Integral
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime import UserError, device
@@ -119,12 +121,13 @@ class Model:
         """
         at = vectors(coefficients, self._spaces)
         bar = self._scale * image_of(slope, self.shape, "dL/dE")
-        pair = isinstance(counts, Sequence) and len(counts) == 2
-        if not pair or not all(isinstance(n, int) and n >= 2 for n in counts):
+        pair = isinstance(counts, Sequence | np.ndarray) and len(counts) == 2
+        if not pair or not all(isinstance(n, Integral) and n >= 2 for n in counts):
             raise UserError(f"counts must be two whole numbers from 2 on, got {counts!r}")
         with device():
             screen = self._light.screen
-            knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), counts) for space in self._spaces]
+            nx, ny = map(int, counts)
+            knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), (nx, ny)) for space in self._spaces]
             return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
 
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:

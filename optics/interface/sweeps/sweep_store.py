@@ -11,7 +11,6 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import Any, NamedTuple
 
 from optics.base.runtime import UserError
@@ -19,7 +18,7 @@ from optics.interface.sweeps.sweep_rows import DONE
 from thbcad import __version__
 
 SCHEMA, VERSION = "thbcad-sweep", 1
-BATCH, BATCH_SECONDS = 100, 0.5  # rows, and seconds, between two commits: each waits for the disk
+BATCH, BATCH_SECONDS = 100, 0.5  # rows, and seconds of their work, to a commit: each waits for the disk
 TABLES = """
 CREATE TABLE IF NOT EXISTS about (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS variants (
@@ -47,7 +46,7 @@ class SweepStore:
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._connection = path, connection
-        self._waiting, self._committed = 0, monotonic()
+        self._waiting, self._seconds = 0, 0.0
 
     def problems(self) -> set[str]:
         """Return the fingerprints of the problems that are stored."""
@@ -76,7 +75,7 @@ class SweepStore:
         return row[0] if row else ""
 
     def add(self, problem: str, changes: Mapping[str, Any], row: StoredVariant, lens: str = "") -> None:
-        """Store a row; it is on the disk after the next commit, at the latest half a second of rows later.
+        """Store a row; it is on the disk after the next commit, until which half a second of work may wait.
 
         A variant that is designed stays so where another try, for its lens, fails.
         """
@@ -87,13 +86,13 @@ class SweepStore:
         values = (problem, json.dumps(dict(changes)), *row[:2], metrics, *row[3:], lens)
         marks = ", ".join("?" * len(values))
         self._connection.execute(f"INSERT OR REPLACE INTO variants VALUES ({marks})", values)
-        self._waiting += 1
-        if self._waiting >= BATCH or monotonic() > self._committed + BATCH_SECONDS:
+        self._waiting, self._seconds = self._waiting + 1, self._seconds + row.seconds
+        if self._waiting >= BATCH or self._seconds >= BATCH_SECONDS:
             self.commit()
 
     def commit(self) -> None:
         self._connection.commit()
-        self._waiting, self._committed = 0, monotonic()
+        self._waiting, self._seconds = 0, 0.0
 
 
 @contextmanager

@@ -93,6 +93,7 @@ def draw_solid(axes: Axes, faces: Sequence[Face], view: View, alpha: float = 1.0
     """Draw the faces, the outline of the whole and those edges that are not hidden.  alpha : opacity of the
     faces."""
     depth, image = rendered(faces, view)
+    image = np.rint(255 * image).astype(np.uint8)  # resampled in half the time
     axes.imshow(image, origin="lower", extent=view.extent, interpolation="bilinear", alpha=alpha, zorder=2)
     axes.contour(
         np.isfinite(depth),

@@ -53,17 +53,24 @@ class PhotoLight:
 
     def along(self, origin: Floats, direction: Floats) -> Floats:
         """Return the radiance that rays (3, n) meet, (n, 3)."""
-        # a dark room with a soft lamp above on the left
+        things = [self._table(origin, direction), *self._upright(origin, direction)]
+        nearest, first = np.full(origin.shape[1], np.inf), np.full(origin.shape[1], -1)
+        for k, (path, _) in enumerate(things):
+            first[path < nearest] = k
+            np.minimum(path, nearest, out=nearest)
+        colour = np.empty((origin.shape[1], 3))
+        colour[first < 0] = self._dark_room(direction[:, first < 0])
+        for k, (_, shade) in enumerate(things):
+            met = np.flatnonzero(first == k)
+            colour[met] = shade(met)
+        return colour
+
+    def _dark_room(self, direction: Floats) -> Floats:
+        """Return the radiance of a dark room with a soft lamp above on the left, (n, 3)."""
         up = np.clip(direction[1], -1, 1)
         soft = np.exp(-((direction[0] + 0.55) ** 2 + (up - 0.62) ** 2) / 0.05)
         grey = 0.002 + 0.05 * self.room.lit * np.maximum(up, 0) + 0.9 * soft
-        colour = grey[:, None] * COOL
-        nearest = np.full(origin.shape[1], np.inf)
-        for path, shade in (self._table(origin, direction), *self._upright(origin, direction)):
-            first = np.flatnonzero(path < nearest)
-            nearest[first] = path[first]
-            colour[first] = shade(first)
-        return colour
+        return np.asarray(grey[:, None] * COOL)
 
     def table_path(self, origin: Floats, direction: Floats) -> Floats:
         """Return the path to the table where it is met first, inf elsewhere, (n,)."""

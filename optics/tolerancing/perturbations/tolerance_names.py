@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from math import radians
+from numbers import Real
 from typing import Literal
 
 from optics.base.runtime import UserError
@@ -114,7 +115,7 @@ def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -
 
 
 def _checked(name: str, amount: object) -> float:
-    if isinstance(amount, bool) or not isinstance(amount, int | float) or not 0 <= amount <= MOST:
+    if isinstance(amount, bool) or not isinstance(amount, Real) or not 0 <= float(amount) <= MOST:
         raise UserError(
             f"the tolerance {name} must be a number from 0 to {MOST:g}, such as {name}=0.05, got {amount!r}"
         )

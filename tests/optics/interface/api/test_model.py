@@ -81,7 +81,7 @@ def test_vertex_gradients_move_planes_as_coefficients_do(tmp_path, name):
     space = system.space()
     model, c = system.model(space, RAYS, window), at_of(space)
     weights = np.random.default_rng(4).standard_normal(model.shape)
-    pulled, vertices = model.vjp(c)[1](weights), model.vertex_gradients(c, weights, (21, 31))
+    pulled, vertices = model.vjp(c)[1](weights), model.vertex_gradients(c, weights, np.array([21, 31]))
     tuples = isinstance(space, tuple)
     for s, by_net, by_vertex in zip(*((row if tuples else (row,)) for row in (space, pulled, vertices))):
         x, y = (np.linspace(kv.start, kv.stop, n) for kv, n in ((s.kv_u, 21), (s.kv_v, 31)))

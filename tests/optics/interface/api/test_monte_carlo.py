@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from io import BytesIO
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -100,10 +101,14 @@ def test_no_more_workers_start_than_there_are_lenses(made, monkeypatch):
     monkeypatch.setattr(design_errors, "sample_lenses", lambda *found: made.sampled)
     system, lens = made.model.system, made.model.lens
     measurement = SimpleNamespace(target=made.model.target)
-    design = SimpleNamespace(system=system, lens=lens, measurement=measurement, problem=system.problem)
+    parts = {"system": system, "lens": lens, "measurement": measurement, "problem": system.problem}
+    design = Mock(optics.Design, **parts)
     optics.monte_carlo(design, made.budget, 16, workers=40)
     with pytest.raises(optics.UserError, match="the number of samples"):
         optics.monte_carlo(design, made.budget, 0, workers=40)
+    for bad in ((None, made.budget), (design, None), (made.budget, design)):
+        with pytest.raises(optics.UserError, match="monte_carlo takes"):
+            optics.monte_carlo(*bad)
     assert asked == [(40, None, 16)]
 
 

@@ -31,6 +31,7 @@ STEPS = (  # of a design that compute: module and function
     ("optics.interface.api.design_files", "answered"),
     ("optics.interface.api.design_figures", "elements_sight"),
     ("optics.interface.api.design_figures", "photograph"),
+    ("optics.interface.api.design_figures", "photo_caption"),
     ("optics.interface.commands.design_command", "system_of"),
 )
 

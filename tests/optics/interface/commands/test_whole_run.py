@@ -286,6 +286,8 @@ def test_verify_refuses_a_changed_lens_file(copy, capsys):
         ("lens.json", "[]"),
         ("lens.json", '{"schema": 1}'),
         ("problem.toml", "="),
+        ("history.csv", "level,dof"),
+        ("history.csv", "level,dof\n1,"),
     ],
 )
 def test_verify_refuses_damaged_files(copy, capsys, name, text):
@@ -312,7 +314,7 @@ def test_verify_refuses_lens_files_with_wrong_contents(copy, capsys, damage):
     assert "lens.json" in refused(capsys, "verify", copy)
 
 
-@pytest.mark.parametrize("name", ["lens.step", "lens.json", "problem.toml"])
+@pytest.mark.parametrize("name", ["lens.step", "lens.json", "problem.toml", "history.csv"])
 def test_verify_refuses_a_result_with_a_missing_file(copy, capsys, name):
     (copy / name).unlink()
     assert name in refused(capsys, "verify", copy)

@@ -56,6 +56,16 @@ def test_done_is_what_is_designed_and_has_its_lens_where_one_is_wanted(tmp_path)
         assert store.done(with_lens=True) == {"done{}"}
 
 
+def test_no_more_than_half_a_second_of_work_waits_for_the_disk(tmp_path):
+    path = tmp_path / "s"
+    with open_store(path, ABOUT) as store, open_store(path, ABOUT) as other:
+        for name, seconds in (("a", 60.0), ("b", 0.2), ("c", 0.2), ("d", 0.2), ("e", 0.1)):
+            store.add(name, {}, ROW._replace(seconds=seconds))
+            if name == "a":
+                assert other.problems() == {"a"}
+        assert other.problems() == {"a", "b", "c", "d"}
+
+
 @pytest.mark.parametrize("status", ["failed", "killed"])
 def test_what_is_designed_stays_where_another_try_for_its_lens_fails(tmp_path, status):
     tried = ROW._replace(status=status, sentence="no memory", metrics={})

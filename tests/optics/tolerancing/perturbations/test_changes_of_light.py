@@ -219,6 +219,13 @@ def test_bad_amounts_are_one_sentence(tmp_path, amounts, words):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.float64, int])
+def test_amounts_are_numbers_of_any_kind(tmp_path, kind):
+    system, _ = small_system(tmp_path)
+    (row, *_) = tolerances_of(system, {"target.defocus": kind(2)})
+    assert row == tolerances_of(system, {"target.defocus": 2.0})[0]
+
+
 @pytest.mark.parametrize(
     ("changes", "names"),
     [
