@@ -115,7 +115,9 @@ def tables(
         line((split, low), (split, low + BAND), style=Style.FRAME),
     ]
     width = (split - left) / 3
-    material = [product.material or "material not stated", f"n = {lens.index:.6g}"]
+    material = [product.material or "material not stated"]
+    if lens.index != 1:  # else the blank of a mirror
+        material.append(f"n = {lens.index:.6g}")
     if product.density:
         material.append(f"density {product.density:g} g/cm3")
     columns = (_surface(lens.front, outlines[0]), material, _surface(lens.rear, outlines[1]))

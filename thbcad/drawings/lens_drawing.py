@@ -205,8 +205,8 @@ def _width_and_height(one: PlacedView, shape: Shape) -> Marks:
 
 
 def _cut_thicknesses(cut: CutLens, placed: list[PlacedView]) -> Marks:
-    """Return the thickness on the axis, where the lens has one, and at the upper edge of the section across
-    x; of a flange its thickness, and where it begins behind the front vertex."""
+    """Return the thickness on the axis, where the lens has one, at the upper edge of the section across x, and
+    over all; of a flange its thickness, and where it begins behind the front vertex."""
     section, side = placed[2], placed[1]
     front, rear = (curve.points for curve in section.view.curves[-4:-2])
     marks: Marks = []
@@ -214,13 +214,16 @@ def _cut_thicknesses(cut: CutLens, placed: list[PlacedView]) -> Marks:
     if cut.planes[0] == 0 and any(low <= 0 <= high for low, high in intervals(cut.shape, 0, 0.0)):
         marks += _along_axis(cut.lens, section, bottom - LEVEL)
     marks += _between(section, front[-1], rear[-1], top + LEVEL)
-    if cut.flange is not None:
-        (_, bottom), (_, top) = side.frame
-        height = side.view.box()[1, 1]
-        low, high = (np.array([z, height]) for z in (cut.flange.low, cut.flange.high))
-        marks += _between(side, low, high, top + LEVEL)
-        vertex = np.array([float(cut.lens.front(0, 0)), -height])
-        marks += _between(side, vertex, low * [1, -1], bottom - LEVEL)
+    (_, bottom), (_, top) = side.frame
+    low, high = side.view.box()
+    if cut.flange is None:
+        marks += _between(side, low, np.array([high[0], low[1]]), bottom - LEVEL)
+    else:
+        marks += _between(side, np.array([low[0], high[1]]), high, top + 2 * LEVEL)
+        begin, end = (np.array([z, high[1]]) for z in (cut.flange.low, cut.flange.high))
+        marks += _between(side, begin, end, top + LEVEL)
+        vertex = np.array([float(cut.lens.front(0, 0)), -high[1]])
+        marks += _between(side, vertex, begin * [1, -1], bottom - LEVEL)
     return marks
 
 

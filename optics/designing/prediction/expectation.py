@@ -121,7 +121,7 @@ def expected(
         size=_size(system, shape),
         volume=volume,
         mass=mass(volume, optic.density) if optic.density else None,
-        sag=fit.asked,
+        sag=max(each.asked for each in (fit, first, start.traced) if each is not None),
         freedom=system.freeforms[-1].freedom,
         note=freedom_note(system, backend, start, [fit, first]) if first else "",
         efficiency=fates.on_target / flux,
@@ -187,7 +187,8 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
 
 def _is_known(system: OpticalSystem) -> bool:
     """Return whether the regression of `predicted_rel_l2` was made of such light."""
-    return system.parallel and not system.blurred and system.target.receiver.across_axis
+    zones = system.target.settings.kind == "zones"
+    return system.parallel and not (system.blurred or zones) and system.target.receiver.across_axis
 
 
 def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:

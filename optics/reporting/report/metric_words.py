@@ -137,6 +137,11 @@ def metric_rows(metrics: Mapping[str, Any], units: Units) -> Iterator[tuple[str,
     """Yield (name, value, unit, meaning) of metrics; those of a group have its name before theirs."""
     known = words_of(units)
     for name, value in metrics.items():
+        if name == "zones":
+            for row in value:
+                limit = f"at {'least' if row['at_least'] else 'most'} {number_text(row['limit'])}"
+                yield f"{name} {row['name']}", number_text(row["value"]), row["unit"], limit
+            continue
         parts = list(_parts(value))
         sentences = fate_sentences(part for part, _ in parts)
         for part, number in parts:

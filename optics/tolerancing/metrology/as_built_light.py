@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,6 +27,8 @@ RelL2 = Callable[[FreeformSurface], float]
 DRAWS = 3  # pairs of noise: one alone gives f to 1 %, three the size of the change of first order to 40 %
 SEED = 0x5EED7  # simulated points drawn with a usual seed must not share their noise with it
 WEAKER = 30.0  # what bends light is finer than heights: a smoothing that leaves more of it, and more noise
+# of the functions where points are: noise that hides ripple is smoothed until hardly anything is left
+FREE, MOST_FITS = 0.25, 6
 
 
 @dataclass(frozen=True)
@@ -85,12 +87,27 @@ class AsBuilt:
         light: dict[str, float | None] = {"rel_l2_debiased": error.rel_l2, "rel_l2_error": error.error}
         if metrics.get("contrast_error") is not None:
             light |= contrast_error(light, self.measurement.target)
-        return judged(metrics | light, delivery_checks(metrics | light, limits), notes, of_file=False)
+        known = metrics | light | _less_certain(metrics, error.error)
+        return judged(known, delivery_checks(known, limits), notes, of_file=False)
 
     @property
     def change(self) -> Floats:
         """dE = made - designed irradiance, (rows, columns), W/mm^2."""
         return self.measurement.irradiance - self.nominal.irradiance
+
+
+def _less_certain(metrics: dict[str, Any], error: float) -> dict[str, Any]:
+    """Return uniformity and zones whose light on each place has one more error, relative to its mean."""
+    out, uniformity = {}, metrics.get("uniformity")
+    if uniformity is not None:
+        names = ("min_over_mean_error", "min_over_max_error", "rsd_error")
+        out["uniformity"] = uniformity | {name: hypot(uniformity[name], error) for name in names}
+    if "zones" in metrics:
+        out["zones"] = [
+            row | {"error": hypot(row["error"], error * row["value"]), "margin_in_errors": None}
+            for row in metrics["zones"]
+        ]
+    return out
 
 
 def default_side(lens: Lens) -> Side:
@@ -199,7 +216,7 @@ def _alignments(designed: FreeformSurface, points: Floats, way: Way) -> tuple[di
 
 
 def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: RelL2) -> LightError:
-    """Return what noise and smoothing do to rel_l2, from a second fit that smooths less.
+    """Return what noise and smoothing do to rel_l2, from a second fit that smooths less and is free enough.
 
     What smoothing takes from the light hardly matters there, and the noise that it leaves is taken off.
     How much the two fits then differ is part of the error.  Where noise would bring more than all that was
@@ -208,7 +225,10 @@ def _light_error(made: MadeSurface, points: Alignment, fitted: float, rel_l2: Re
     fitted : rel_l2 of the made surface.
     """
     floor, _ = _noise(made, fitted, rel_l2, 1)
-    finer = made_surface(made.designed, points, made.fit.smoothing / WEAKER)
+    for fits in range(1, MOST_FITS + 1):
+        finer = made_surface(made.designed, points, made.fit.smoothing / WEAKER**fits)
+        if finer.fit.freedom >= FREE * finer.covered * finer.fit.surface.space.dim:
+            break
     rough = rel_l2(finer.surface)
     added, spread = _noise(finer, rough, rel_l2, DRAWS)
     value, smooth = sqrt(max(rough**2 - added, 0.0)), sqrt(max(fitted**2 - floor, 0.0))

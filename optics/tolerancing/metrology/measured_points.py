@@ -30,9 +30,14 @@ GRID_MISSING = 4  # column of a grid's rows that is not 0 where there is no data
 
 COMMENT = re.compile(r"""^\s*(#|%|!|//|;|"|').*$""")
 REMARK = re.compile(r"[#%!].*$")
-MISSING = re.compile(r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])", re.IGNORECASE)
+MISSING = re.compile(
+    r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])"
+    r"|[-+]?1\.#(QNAN|SNAN|IND|INF)\w*|[-+]?nan\(\w*\)",  # as Windows prints what is no number
+    re.IGNORECASE,
+)
 DECIMAL_COMMA = re.compile(r"\d,\d+\s*;|;\s*[-+]?\d+,\d")
 EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
+EMPTY_BETWEEN_TABS = re.compile(r"(\t)(?= *(\t|$))")
 SEPARATORS = str.maketrans(",;\t", "   ")
 Unit = Literal["m", "mm", "um", "nm"]
 Kind = Literal["heights", "errors"]
@@ -127,31 +132,40 @@ def grid_rows(text: str, name: str, count: int) -> Floats:
             f"{name} announces {count:,} points and holds {len(rows):,} rows; the file may be cut off"
         )
     body = "\n".join(row for _, row in rows)
-    flagged = all(len(row.split()) > GRID_MISSING for _, row in rows)
-    values = number_rows(body, name, GRID_MISSING + 1 if flagged else 1)
-    if len(values) != count:
+    heights = number_rows(body, name, 1)[:, 0]
+    if len(heights) != count:
         raise UserError(f"{name} holds rows that are no numbers")
-    heights = values[:, 0].copy()
-    if flagged:
-        heights[values[:, GRID_MISSING] != 0] = np.nan
+    flagged = [k for k, (_, row) in enumerate(rows) if len(row.split()) > GRID_MISSING]
+    if flagged:  # some programs flag only the rows without data
+        flags = number_rows("\n".join(rows[k][1] for k in flagged), name, GRID_MISSING + 1)[:, GRID_MISSING]
+        heights[np.array(flagged)[flags != 0]] = np.nan
     return heights
 
 
 def _rows(text: str, most: int | None = None) -> list[tuple[int, str]]:
     """Return (line number, words parted by spaces) of lines that are no comments, missing values as nan."""
-    comma = DECIMAL_COMMA.search(text[: 1 << 16]) is not None
+    start = text[: 1 << 16]
+    comma = DECIMAL_COMMA.search(start) is not None
+    empty = [EMPTY_FIELD, EMPTY_BETWEEN_TABS] if _parted_by_tabs(start) else [EMPTY_FIELD]
     rows = []
     for number, line in enumerate(text.splitlines(), 1):
         if COMMENT.match(line):
             continue
-        plain = MISSING.sub("nan", REMARK.sub("", line))
-        plain = EMPTY_FIELD.sub(r"\1 nan ", plain)
+        plain = REMARK.sub("", MISSING.sub("nan", line))
+        for field in empty:
+            plain = field.sub(r"\1 nan ", plain)
         plain = plain.replace(",", ".").replace(";", " ") if comma else plain.translate(SEPARATORS)
         if plain.strip():
             rows.append((number, plain))
             if len(rows) == most:
                 break
     return rows
+
+
+def _parted_by_tabs(text: str) -> bool:
+    """Return whether single tabs part the columns of most lines, so that nothing between two is a value."""
+    lines = [line.strip(" ") for line in text.splitlines() if "\t" in line]
+    return 2 * sum("\t\t" not in line and line == line.strip() for line in lines) > len(lines)
 
 
 def _numbers(row: str, columns: int) -> list[float] | None:

@@ -37,9 +37,11 @@ from thbcad.surfaces import THBSurface
 FINE = 1e-9  # mm, of a measurement that hardly has noise
 
 
-def measured(surface: FreeformSurface, count: int, noise: float = 0.0, seed: int = 2) -> MeasuredPoints:
+def measured(
+    surface: FreeformSurface, count: int, noise: float = 0.0, seed: int = 2, times: float = 1.0
+) -> MeasuredPoints:
     x, y = np.random.default_rng(seed).uniform(-1, 1, (2, count)) * np.reshape(surface.half_width, (2, 1))
-    errors = ripple(x, y) + noise * np.random.default_rng(seed + 1).standard_normal(count)
+    errors = times * ripple(x, y) + noise * np.random.default_rng(seed + 1).standard_normal(count)
     return MeasuredPoints(np.stack([x, y, surface(x, y) + errors]))
 
 
@@ -117,6 +119,26 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
     assert np.linalg.norm(built.change) > 0
     assert set(as_built_data(built)["alignments"]) == {"datums", "best fit"}
     assert any("as made, aligned by datums" in line for line in as_built_lines(built))
+
+
+@pytest.mark.slow
+def test_ripple_that_noise_hides_leaves_the_light_undecided(system, backend) -> None:
+    """So much noise lets the fit be smooth, as if the lens were."""
+    lens, uniform = system.lens, {"min_over_mean": 0.9, "min_over_max": 0.8, "rsd": 0.02}
+    same = dict.fromkeys((f"{name}_error" for name in uniform), 0.0)
+    found = []
+    for noise in (FINE, 0.05):
+        points = measured(lens.rear, 4000, noise, times=60)
+        built = light_as_built(system, lens, points, backend, "rear", correct=False)
+        even = built.measurement.metrics | {"uniformity": uniform | same | {"reason": ""}}
+        even.pop("contrast_error", None)
+        measurement = replace(built.measurement, metrics=even)
+        found.append((built, replace(built, measurement=measurement).verdict(system.problem.verify)))
+    (clear, made), (hidden, open_) = found
+    assert hidden.made.fit.freedom < 0.05 * clear.made.fit.freedom
+    assert abs(hidden.light_error.rel_l2 - clear.light_error.rel_l2) < 2 * hidden.light_error.error
+    assert {c.result for c in made.checks if "uniformity" in c.name} == {"passed"}
+    assert {c.result for c in open_.checks if "uniformity" in c.name} == {"undecided"}
 
 
 @pytest.mark.slow

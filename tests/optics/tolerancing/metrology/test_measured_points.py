@@ -39,7 +39,7 @@ def test_decimal_commas_are_read(tmp_path: Path) -> None:
 
 def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     rows = [f"{x!r} {y!r} {z!r}" for x, y, z in TABLE.tolist()]
-    marks = ["NaN", "*****", "No Data", "-nan", "inf"]
+    marks = ["NaN", "*****", "No Data", "-nan", "inf", "1.#QNAN", "-1.#IND00", "1.#INF", "-nan(ind)"]
     for k, mark in enumerate(marks):
         rows[7 * k] = f"{k} 1.5 {mark}"
     path = tmp_path / "a.dat"
@@ -81,6 +81,36 @@ def test_the_files_that_thbcad_writes_are_read(tmp_path: Path) -> None:
         x, y, z = read_measured(path, SURFACE).points
         assert len(x) == 21 * 17
         assert np.abs(z - SURFACE(x, y)).max() < 1e-14 * 100
+
+
+@pytest.mark.parametrize("last", ["", "\t0"])
+def test_nothing_between_tabs_is_no_value(tmp_path: Path, last: str) -> None:
+    rows = [
+        f"{x!r}\t{y!r}\t{'' if k % 9 == 4 else repr(z)}{last}" for k, (x, y, z) in enumerate(TABLE.tolist())
+    ]
+    (tmp_path / "a.txt").write_text("x\ty\tz\n" + "\n".join(rows), encoding="utf-8")
+    read = read_measured(tmp_path / "a.txt", SURFACE)
+    kept = np.arange(len(TABLE)) % 9 != 4
+    assert read.missing == np.sum(~kept)
+    assert np.array_equal(read.points, TABLE[kept].T)
+
+
+def test_columns_may_be_aligned_by_several_tabs(tmp_path: Path) -> None:
+    read = read_measured(written(tmp_path / "a.txt", TABLE, "\t\t"), SURFACE)
+    assert np.array_equal(read.points, TABLE.T)
+
+
+def test_points_of_a_grid_may_be_flagged_alone(tmp_path: Path) -> None:
+    grid = tmp_path / "grid.dat"
+    grid.write_bytes(sag_text(SURFACE, (21, 17)))
+    head, *rows = grid.read_text().splitlines()
+    whole = read_measured(grid, SURFACE).points
+    gone = np.arange(len(rows)) % 10 == 3
+    short = ["0 0 0 0 1" if no else " ".join(row.split()[:4]) for no, row in zip(gone, rows)]
+    grid.write_text("\n".join([head, *short]))
+    read = read_measured(grid, SURFACE)
+    assert read.missing == gone.sum()
+    assert {*map(tuple, read.points.T)} < {*map(tuple, whole.T)}
 
 
 def test_points_beside_the_surface_are_counted(tmp_path: Path) -> None:
