@@ -2,8 +2,8 @@
 
 The map from source to target is smooth but for the rims of the surfaces and total reflection, so that cells
 leave an error of second order in their size, and none where the map is linear.  A cell that such a border
-cuts is split in four until 1 / BORDER_CELLS of the source is wider than the parts.  Then those that it cuts
-are cut along it (`border_triangles`).
+cuts is split in four until 1 / BORDER_CELLS of the source is wider than the parts; those of coarser grids
+stay as much coarser.  Then those that it cuts are cut along it (`border_triangles`).
 
 Away from borders the error falls with the number N of cells as 1 / N, so that two grids tell it.
 Richardson's extrapolation of their images, of N cells and of N / r,
@@ -125,7 +125,10 @@ def grid_irradiance(
         spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
     counts = [_cells(*pair) for pair in zip(screen.pixels, spans)]
     grids = [[_prime_from(round(n / COARSER**k)) for n in counts] for k in range(3)]
-    traced = [cell_irradiance(path, screen, system.source.cells(grid), backend) for grid in grids]
+    traced = [
+        cell_irradiance(path, screen, system.source.cells(grid), backend, border_cells=borders)
+        for grid, borders in zip(grids, (BORDER_CELLS // COARSER**k for k in range(3)))
+    ]
     images, (fates, *_) = zip(*traced)
     ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
     light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(images), ratios))
@@ -168,18 +171,24 @@ def _prime_from(least: int) -> int:
 
 
 def cell_irradiance(
-    path: LightPath, screen: Screen, cells: SourceCells, backend: Backend, bisections: int = BISECTIONS
+    path: LightPath,
+    screen: Screen,
+    cells: SourceCells,
+    backend: Backend,
+    bisections: int = BISECTIONS,
+    border_cells: int = BORDER_CELLS,
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells along a path.
 
     backend : of double precision.  bisections : see `border_triangles`.
+    border_cells : across the source, as fine as cells at borders become.
     """
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
         tracer = Tracer(backend, path, rays)
         return tracer, tracer.landed()
 
-    return traced_cells(trace, screen, cells, backend, bisections=bisections)
+    return traced_cells(trace, screen, cells, backend, bisections=bisections, border_cells=border_cells)
 
 
 def traced_cells(
@@ -189,12 +198,13 @@ def traced_cells(
     backend: Backend,
     at_once: int | None = None,
     bisections: int = BISECTIONS,
+    border_cells: int = BORDER_CELLS,
 ) -> tuple[Floats, SequentialFates]:
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
     at_once : corners that are in memory together, about; None leaves it to the program.
-    bisections : see `border_triangles`.
+    bisections, border_cells : as there.
     """
     tracer = _CellTracer(trace, screen, backend, bisections)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
@@ -206,7 +216,7 @@ def traced_cells(
         i, j = np.nonzero(part.cut)
         pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))
     rest = np.concatenate(pieces, axis=1)
-    splits = ceil(log2(BORDER_CELLS / min(cells.emitted.shape)))
+    splits = ceil(log2(border_cells / min(cells.emitted.shape)))
     while rest.size and splits > 0:
         splits -= 1
         part, rest = _split(tracer, cells, rest)

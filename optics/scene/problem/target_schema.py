@@ -48,7 +48,9 @@ class Zone:
     """
 
     name: str = option("", note="each has its own; --set target.zone.NAME.least=5000 changes a key of it")
-    points: Rows = option((), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), H along +x, each by itself")
+    points: Rows = option(
+        (), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), each by itself; H along +x"
+    )
     box: Rows = option((), size=(0, FARTHEST), note="two opposite corners; limits hold everywhere within")
     line: Rows = option((), size=(0, FARTHEST), note="from corner to corner; limits hold all along")
     polygon: Rows = option((), size=(0, FARTHEST), note="corners; limits hold everywhere within")

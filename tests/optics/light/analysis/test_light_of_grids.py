@@ -48,16 +48,18 @@ def test_extrapolated_light_is_nowhere_negative_and_has_the_flux_of_the_finer_gr
 def test_three_grids_of_cells_give_the_image_and_its_error(beam, monkeypatch):
     """The image is that of the finer two.  No grid has lines in common with another."""
     given = [*np.random.default_rng(3).uniform(1, 1.2, (3, 48, 48))]
-    images, real, grids = iter(given), light_of_cells.cell_irradiance, []
+    images, real, grids, borders = iter(given), light_of_cells.cell_irradiance, [], []
 
-    def watched(path, screen, cells, backend):
+    def watched(path, screen, cells, backend, border_cells):
         grids.append(cells.emitted.shape)
+        borders.append(border_cells)
         return next(images), real(path, screen, cells, backend)[1]
 
     monkeypatch.setattr(light_of_cells, "cell_irradiance", watched)
     result = measure(beam.system, beam.lens, beam.backend)
     numbers = [n for grid in grids for n in grid]
     assert all(n % k for n in numbers for k in range(2, n))
+    assert borders == [2000, 1000, 500]
     ratios = [prod(fine) / prod(coarse) for fine, coarse in pairwise(grids)]
     assert ratios == pytest.approx([4, 4], rel=0.12)
     light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(given), ratios))
@@ -74,7 +76,7 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
     """Ten for a pixel up to 1024 in all, then four, on large screens three; no fewer than 256."""
     grids = []
 
-    def watched(path, screen, cells, backend):
+    def watched(path, screen, cells, backend, border_cells):
         grids.append(cells.emitted.shape)
         return np.ones(screen.shape), fates
 

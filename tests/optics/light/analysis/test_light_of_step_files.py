@@ -137,7 +137,8 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
     found = measure(system, lens, backend)
 
     (fine, fates), (coarse, _) = (
-        traced_cells(file.trace, file.screen, system.source.cells([n] * 2), backend) for n in (CELLS, COARSER)
+        traced_cells(file.trace, file.screen, system.source.cells([n] * 2), backend, border_cells=borders)
+        for n, borders in ((CELLS, 2 * CELLS), (COARSER, CELLS))
     )
     wanted, closed = extrapolated(fine, coarse, (CELLS / COARSER) ** 2), np.zeros(len(FATES))
     for rays in seen:
