@@ -144,7 +144,7 @@ quick: setup
 lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@printf '%s\n' linux win32 darwin | xargs -P 3 -I {} .venv/bin/mypy --platform {} --cache-dir .mypy_cache/{}
+	@scripts/types
 
 # A warning (a link, an anchor or a name that leads nowhere) ends the build: --quiet would not see it.
 docs:

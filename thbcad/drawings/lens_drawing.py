@@ -205,8 +205,8 @@ def _width_and_height(one: PlacedView, shape: Shape) -> Marks:
 
 
 def _cut_thicknesses(cut: CutLens, placed: list[PlacedView]) -> Marks:
-    """Return the thickness on the axis, where the lens has one, at the upper edge of the section across x, and
-    over all; of a flange its thickness, and where it begins behind the front vertex."""
+    """Return the thickness on the axis, where the lens has one, at the upper edge of the section across x,
+    and over all; of a flange its thickness, and where it begins behind the front vertex."""
     section, side = placed[2], placed[1]
     front, rear = (curve.points for curve in section.view.curves[-4:-2])
     marks: Marks = []

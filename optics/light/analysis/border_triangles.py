@@ -18,7 +18,7 @@ import numpy as np
 
 from thbcad.checks import Bools, Floats
 
-BISECTIONS = 14  # to 6e-5 of an edge, which is itself less than a thousandth of the source
+BISECTIONS = 20  # to a millionth of an edge, which is itself less than a thousandth of the source
 
 Density = Callable[[Floats, Floats], Floats]
 
