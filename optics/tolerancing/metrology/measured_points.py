@@ -133,12 +133,13 @@ def grid_rows(text: str, name: str, count: int) -> Floats:
         )
     body = "\n".join(row for _, row in rows)
     heights = number_rows(body, name, 1)[:, 0]
-    if len(heights) != count:
-        raise UserError(f"{name} holds rows that are no numbers")
     flagged = [k for k, (_, row) in enumerate(rows) if len(row.split()) > GRID_MISSING]
+    flags = np.zeros(0)
     if flagged:  # some programs flag only the rows without data
         flags = number_rows("\n".join(rows[k][1] for k in flagged), name, GRID_MISSING + 1)[:, GRID_MISSING]
-        heights[np.array(flagged)[flags != 0]] = np.nan
+    if len(heights) != count or len(flags) != len(flagged):
+        raise UserError(f"{name} holds rows that are no numbers")
+    heights[np.array(flagged, dtype=int)[flags != 0]] = np.nan
     return heights
 
 
