@@ -92,10 +92,10 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
     start = f"the {'start' if expected.from_transport else 'map'} has {expected.start_rel_l2:.2g}"
-    if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
-        return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if system.target.settings.kind == "zones":
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"
+    if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
+        return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.rel_l2 is None:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
         across = system.parallel and system.target.receiver.across_axis

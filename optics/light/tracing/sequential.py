@@ -216,30 +216,21 @@ class Tracer:
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
 
-        def light(values: DrArray, mask: DrArray | bool) -> DrArray:
+        def total(values: DrArray, mask: DrArray | bool) -> float:
             if mask is False:
-                return self._backend.Float(0)
-            return dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
+                return 0.0
+            every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
+            return float(dr.sum(every).numpy()[0])
 
-        rows, before = [], self._flux
-        for k, p in enumerate(landing.passages):
-            hit = light(before, p.hit)
-            reaching = light(p.reaching, p.hit) if self._path.media[k].absorption else hit
-            going = reaching if k == 0 else light(p.reaching, p.hit & p.goes_on)
-            unresolved = light(before, dr.select(p.found | p.blocked, False, True))
-            taken = (light(before, mask) for mask in (p.blocked, p.again))
-            rows.append([hit, reaching, going, light(p.leaving, True), unresolved, *taken])
-            before = p.leaving
-        rows.append(
-            [light(landing.flux, onto), *(light(before, m) for m in (landing.blocked, landing.again))]
-        )
-        dr.eval(rows)  # together: one kernel
-        *at_surfaces, behind = ([float(dr.sum(a).numpy()[0]) for a in row] for row in rows)
-
-        coming = self._missed + self._emitted
+        coming, before = self._missed + self._emitted, self._flux
         lost: dict[Fate, float] = defaultdict(float)
-        for k, (surface, totals) in enumerate(zip(self._path.surfaces, at_surfaces)):
-            hit, reaching, going, leaving, unresolved, blocked, again = totals
+        for k, (surface, p) in enumerate(zip(self._path.surfaces, landing.passages)):
+            blocked, hit, again = (total(before, mask) for mask in (p.blocked, p.hit, p.again))
+            unresolved = total(before, dr.select(p.found | p.blocked, False, True))
+            absorbing = self._path.media[k].absorption
+            reaching = total(p.reaching, p.hit) if absorbing else hit
+            going = reaching if k == 0 else total(p.reaching, p.hit & p.goes_on)
+            leaving = total(p.leaving, True)
             kept = "absorbed" if surface.kind == "reflect" else "reflected"  # by a metal, or behind it
             for what, flux in (
                 ("missed", coming - unresolved - blocked - hit),
@@ -251,10 +242,11 @@ class Tracer:
             ):
                 lost[Fate.at(what, k, surface.name)] += flux
             lost[self._met_again(k)] += again
-            coming = leaving
-        on_target, blocked, again = behind
+            coming, before = leaving, p.leaving
+        on_target, again = total(landing.flux, onto), total(before, landing.again)
+        blocked = total(before, landing.blocked)
         lost[Fate("blocked")] += blocked - again
-        lost[self._met_again(len(at_surfaces))] += again
+        lost[self._met_again(len(landing.passages))] += again
         lost |= {ON_TARGET: on_target, OFF_TARGET: coming - blocked - on_target}
         return SequentialFates({fate: max(0.0, flux) for fate, flux in lost.items()})  # none is negative
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import ezdxf
@@ -15,6 +16,7 @@ from thbcad import Product, write_drawing
 from thbcad.drawings import Grid, Panel, drawing_bytes, lens_sheet, section_view
 from thbcad.drawings.annotations import hatching, rounded_up
 from thbcad.drawings.curves import Style
+from thbcad.lens import Flange
 from thbcad.outlines import Outline
 
 
@@ -255,3 +257,19 @@ def test_the_sheet_states_one_thickness_on_the_axis():
     said = [label.text for label in lens_sheet(WIDER).labels]
     assert said.count(f"{thickness:.4f}".rstrip("0")) == 1
     assert not any("apart" in text for text in said)
+
+
+@pytest.mark.parametrize("flange", [None, Flange(2.0, 0.5, 1.0)], ids=["bare", "with a flange"])
+@pytest.mark.parametrize("lens", [PLAIN, WAVY, WIDER])
+def test_a_cut_lens_has_its_thickness_over_all(lens, flange):
+    """In the view from the side, against points all over it."""
+    sheet = lens_sheet(lens, aperture=(3.5, 3.0), flange=flange)
+    rho, turn = np.meshgrid(np.linspace(0, 1, 101), np.linspace(0, 2 * np.pi, 721))
+    x, y = 3.5 * rho * np.cos(turn), 3.0 * rho * np.sin(turn)
+    wanted = lens.thickness + lens.rear(x, y).max() - lens.front(x, y).min()
+    numbers = [float(text) for text in texts(sheet) if text.replace(".", "").isdigit()]
+    assert min(abs(n - wanted) for n in numbers) <= sheet.bound + 1e-4
+
+
+def test_the_blank_of_a_mirror_has_no_index():
+    assert not [text for text in texts(lens_sheet(replace(PLAIN, index=1.0))) if text.startswith("n =")]

@@ -133,6 +133,23 @@ def test_a_round_lens_is_as_deep_as_within_its_rim():
     assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
 
+def test_zones_are_not_predicted_as_pictures_are(backend):
+    system = OpticalSystem(load_problem(EXAMPLES / "headlamp.toml", {"target.pixels": [64, 32]}))
+    found, _ = expected(system, backend)
+    assert found.rel_l2 is None
+    assert any(
+        line.startswith("rel_l2: not predicted for zones") for line in expectation_lines(system, found)
+    )
+
+
+def test_the_sag_asked_for_is_that_of_every_fit(backend):
+    """The map of a point's light asks for more on one mesh than on another."""
+    system = OpticalSystem(load_problem(EXAMPLES / "point.toml", {"target.pixels": [64, 64]}))
+    found, _ = expected(system, backend)
+    assert found.sag > TransportStart(system, backend).finest_fit().asked
+    assert f"asks for a sag of +-{found.sag:.3g} mm" in found.note
+
+
 def test_a_trap_is_told_before_the_design(tmp_path, backend):
     """A diverging base, a converging target, and too little z_freedom for it."""
     system = loaded(tmp_path, {"target.half_width": [5.0, 5.0], "lens.rear.freeform.z_freedom": 0.3})

@@ -181,6 +181,15 @@ def test_every_metric_has_its_unit_and_its_meaning(problem_file):
     assert all(meaning for *_, meaning in rows.values())
 
 
+def test_every_zone_has_a_row():
+    zone = {"value": 5200.0, "unit": "cd", "limit": 5100.0, "at_least": True}
+    zones = [zone | {"name": "left"}, zone | {"name": "right", "at_least": False}]
+    assert list(metric_rows({"zones": zones}, units_of("lm"))) == [
+        ("zones left", "5200", "cd", "at least 5100"),
+        ("zones right", "5200", "cd", "at most 5100"),
+    ]
+
+
 def test_light_in_lumens_has_its_units_and_its_meaning():
     """Every metric of a lamp in lumens before a plane, and of a far field."""
     beam = {f"{angle}_{plane}": 9.0 for angle in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
