@@ -17,7 +17,7 @@ size of that error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
 from math import ceil, isqrt, log2, prod, sqrt
@@ -85,15 +85,15 @@ class _CellTracer:
         least : W, a cell with no more is not worth its cut.
         """
         tracer, landing, arrives = self._trace(rays)
-        cut = cut_cells(arrives.numpy(), emitted, least)
+        cut, weights = cut_cells(arrives.numpy(), emitted, least), None
         if cut.any():
-            whole = np.where(cut, 0.0, emitted)
-            flux = corner_flux(whole).reshape(rays.flux.shape)
-            return replace(self.light(replace(rays, flux=flux), whole), cut=cut)
+            emitted = np.where(cut, 0.0, emitted)
+            whole, every = corner_flux(emitted).ravel(), rays.flux.ravel()
+            weights = self.backend.array(np.divide(whole, every, out=np.zeros_like(every), where=every > 0))
         cells = MappedCells(self.backend, self.screen, emitted, rays.flux)
         with self.backend.dr.suspend_grad():
             image = cells(landing.x, landing.y, landing.flux, arrives).numpy()
-        return _Light(image, tracer.fates(landing, self.screen.half_width), cut)
+        return _Light(image, tracer.fates(landing, self.screen.half_width, weights), cut)
 
     def points(self, rays: Rays) -> _Light:
         """Return the light of rays where they land."""

@@ -173,7 +173,7 @@ def rounding_errors(
 
     Single precision is too coarse for a proof: these would exceed the resolution, of which a part is taken.
 
-    moduli : mm, the greatest sum of the moduli of a polynomial's coefficients, see `PolynomialTable.moduli`.
+    moduli : mm, the greatest sum of the moduli of a polynomial's coefficients, see `PowerForm.moduli`.
     steepest : no slope of the surface is greater.
     """
     if backend.dtype != np.float64:

@@ -12,7 +12,7 @@ from optics.base.runtime import Backend, DrArray
 from optics.light.intersections.hits import Hits, Vector, gauge
 from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_distance, conic_jet
-from optics.light.intersections.spline_table import PolynomialTable, steepest_along
+from optics.light.intersections.spline_table import PolynomialTable, PowerForm
 from thbcad.checks import Floats
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
@@ -25,13 +25,12 @@ ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, ag
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """A surface with its sag: a height above it, mm, its greatest slope, net and power coefficients."""
+    """A surface with its sag: a height above it, mm, its greatest slope, and the sag's PowerForm."""
 
     jet: Surface
     top: float
     steepest: float
-    net: Floats | None
-    power: DrArray
+    sag: PowerForm | None
 
 
 class SearchedHits:
@@ -75,13 +74,13 @@ class SearchedHits:
 
         origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
         """
-        top, steepest, power = self._top, self._slope, None
+        top, steepest, sag, power = self._top, self._slope, None, None
         if self._table is not None and net is not None:
-            power = self._table.power(net)
+            sag = self._table.form(net)
+            power = self._backend.Float(sag.table)
             top += max(0.0, float(net.max()))
-            along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self._knots, (net, net.T)))
-            steepest += float(np.hypot(along_x, along_y))
-        dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, net, power)
+            steepest += sag.steepest
+        dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, sag)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
             t, first, last, resolved = self._search(shape, o, d)
@@ -132,7 +131,7 @@ class SearchedHits:
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
         resolved = dr.isfinite(sum(o) + sum(d))
-        if self._proven and shape.net is not None:
+        if self._proven and shape.sag is not None:
             doubtful = self._may_meet_twice(shape, d) & (first < last)
             if dr.any(doubtful):
                 fall = self._first_fall(shape, o, d, (first, last), doubtful)
@@ -179,11 +178,10 @@ class SearchedHits:
         doubtful: DrArray,
     ) -> Fall:
         """Return the first Fall of doubtful rays through the surface."""
-        backend, table = self._backend, self._table
-        assert table is not None
-        assert shape.net is not None
-        boxes = box_bounds(backend, self._conic, self._half_width, self._knots, shape.net)
-        bounds = rounding_errors(backend, self._knots, table.moduli(shape.power), shape.steepest)
+        backend, sag = self._backend, shape.sag
+        assert sag is not None
+        boxes = box_bounds(backend, self._conic, self._half_width, self._knots, sag.net)
+        bounds = rounding_errors(backend, self._knots, sag.moduli, shape.steepest)
         fixed, per_length, slope_error = map(backend.opaque, bounds)
         errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -81,6 +82,7 @@ class SpanFunctions:
         return dr.gather(self._backend.Index, self._first, span), out
 
 
+@lru_cache(maxsize=4)  # of a front and a rear, traced again and again
 def power_map(kv: KnotVector) -> csr_array:
     """Return the matrix from spline coefficients to coefficients of s^k, s in [-1, 1] on each span.
 

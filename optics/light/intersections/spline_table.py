@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +28,41 @@ NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
 AT_ONCE = 4096  # cells, whose coefficients stay in the processor's memory
 
 
-# knots, net and power coefficients of the last splines: of a front and a rear, traced again and again
-_RECENT: deque[tuple[Sequence[KnotVector], Floats, NDArray[np.floating]]] = deque(maxlen=2)
+@dataclass(frozen=True, eq=False)
+class PowerForm:
+    """A spline with its power coefficients: those of a cell row by row, in whole packets.
+
+    net : (n_x, n_y).  table : flat.  cells : how many there are.
+    """
+
+    knots: tuple[KnotVector, ...]
+    net: Floats
+    table: NDArray[np.floating]
+    cells: int
+
+    @cached_property
+    def moduli(self) -> float:
+        """The greatest sum of the moduli of a cell's power coefficients."""
+        table = self.table.reshape(self.cells, -1)
+        ones = np.ones(table.shape[1], table.dtype)  # numpy is slow in sums of few numbers, BLAS is not
+        return max(float((abs(table[k : k + AT_ONCE]) @ ones).max()) for k in range(0, len(table), AT_ONCE))
+
+    @cached_property
+    def steepest(self) -> float:
+        """A bound of the slope in any direction."""
+        along = (steepest_along(kv, net) for kv, net in zip(self.knots, (self.net, self.net.T)))
+        return float(np.hypot(*along))
+
+
+# of the last splines: of a front and a rear, traced again and again
+_RECENT: deque[PowerForm] = deque(maxlen=2)
 
 
 class PolynomialTable:
     """The spline sum_ij N_i(x) N_j(y) C_ij, evaluated anywhere inside its knots."""
 
     def __init__(self, backend: Backend, knots: Sequence[KnotVector]) -> None:
-        self._backend, self._knots = backend, knots
+        self._backend, self._knots = backend, tuple(knots)
         self._maps = [power_map(kv) for kv in knots]
         self._orders = [kv.degree + 1 for kv in knots]
         self._cells = [kv.spans for kv in knots]
@@ -48,28 +76,27 @@ class PolynomialTable:
 
     def power(self, net: Floats) -> DrArray:
         """Return the power coefficients of every cell, of the spline with the net (n_x, n_y)."""
+        return self._backend.Float(self.form(net).table)
+
+    def form(self, net: Floats) -> PowerForm:
+        """Return the PowerForm of the spline with the net (n_x, n_y)."""
         backend = self._backend
-        for knots, known, table in tuple(_RECENT):  # other threads may add to it
+        for form in tuple(_RECENT):  # other threads may add to it
             if (
-                table.dtype == backend.dtype
-                and np.array_equal(known, net)
-                and tuple(knots) == tuple(self._knots)
+                form.table.dtype == backend.dtype
+                and form.knots == self._knots
+                and np.array_equal(form.net, net)
             ):
-                return backend.Float(table)
+                return form
         ax, ay = self._maps
         cells = ax @ (ay @ net.T).T
         (nx, ny), (p, q) = self._cells, self._orders
         width = self._packets * PACKED
         table = backend.room(nx * ny * p * width)
         table.reshape(nx, ny, p, width)[..., :q] = cells.reshape(nx, p, ny, q).transpose(0, 2, 1, 3)
-        _RECENT.append((self._knots, net.copy(), table))
-        return backend.Float(table)
-
-    def moduli(self, power: DrArray) -> float:
-        """Return the greatest sum of the moduli of a cell's power coefficients."""
-        table = power.numpy().reshape(self._cells[0] * self._cells[1], -1)
-        ones = np.ones(table.shape[1], table.dtype)  # numpy is slow in sums of few numbers, BLAS is not
-        return max(float((abs(table[k : k + AT_ONCE]) @ ones).max()) for k in range(0, len(table), AT_ONCE))
+        form = PowerForm(self._knots, net.copy(), table, nx * ny)
+        _RECENT.append(form)
+        return form
 
     def __call__(self, power: DrArray, x: DrArray, y: DrArray) -> tuple[DrArray, ...]:
         """Return z, zx, zy, zxx, zxy, zyy of the spline with these power coefficients."""
@@ -165,22 +192,21 @@ class PlacedSurface:
         self.cell = hx / 4, hy / 4
         if surface.sag is None:
             knots = [KnotVector.uniform(2, PLAIN, -h, h) for h in self.half_width]
-            self._prove(knots, np.zeros((PLAIN + 2, PLAIN + 2)), 0.0)
+            self._prove(knots, np.zeros((PLAIN + 2, PLAIN + 2)), 0.0, 0.0)
             return
         sag = surface.sag.to_bspline()
         knots = [kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
         self._table = PolynomialTable(backend, knots)
-        self._power = self._table.power(sag.coefficients)
+        form = self._table.form(sag.coefficients)
+        self._power = backend.Float(form.table)
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
         x, y = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
         self.cell = min(x, self.cell[0]), min(y, self.cell[1])
-        self._prove(knots, sag.coefficients, self._table.moduli(self._power))
+        self._prove(knots, sag.coefficients, form.moduli, form.steepest)
 
-    def _prove(self, knots: Sequence[KnotVector], net: Floats, moduli: float) -> None:
+    def _prove(self, knots: Sequence[KnotVector], net: Floats, moduli: float, steepest: float) -> None:
         backend, conic, half = self.backend, self._conic, self.half_width
-        slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1)))
-        along_x, along_y = (steepest_along(kv, n) for kv, n in zip(knots, (net, net.T)))
-        slope += np.hypot(along_x, along_y)
+        slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1))) + steepest
         self._boxes = box_bounds(backend, conic, half, knots, net)
         errors = *rounding_errors(backend, knots, moduli, float(slope)), max(half)
         self._errors = [*map(backend.opaque, errors)]

@@ -178,9 +178,11 @@ class Tracer:
 
     def _nets(self, coefficients: Coefficients | None) -> list[Floats | None]:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
-        every = self._path.coefficients if coefficients is None else coefficients
-        nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, every)])
-        return [None if s.shape.sag is None else next(nets) for s in self._path.surfaces]
+        sags = [surface.shape.sag for surface in self._path.surfaces]
+        if coefficients is None:
+            return [sag and sag.to_bspline().coefficients for sag in sags]
+        nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, coefficients)])
+        return [None if sag is None else next(nets) for sag in sags]
 
     def pull_back(
         self, hits: Sequence[Hits], knots: Sequence[Sequence[KnotVector]] | None = None
@@ -208,10 +210,14 @@ class Tracer:
         """What meets the surfaces that carry a sag."""
         return [s.hits for s in self._surfaces if s.surface.shape.sag is not None]
 
-    def fates(self, landing: Landing, half_width: tuple[float, float]) -> SequentialFates:
+    def fates(
+        self, landing: Landing, half_width: tuple[float, float], weights: DrArray | None = None
+    ) -> SequentialFates:
         """Return the flux of a traced landing by fate, for a target rectangle.
 
         Light that does not meet the receiver is beside the target.
+
+        weights : of the rays, by which the flux that each carries is multiplied.
         """
         dr = self._backend.dr
         onto = (dr.abs(landing.x) <= half_width[0]) & (dr.abs(landing.y) <= half_width[1])
@@ -220,9 +226,11 @@ class Tracer:
             if mask is False:
                 return 0.0
             every = dr.select(mask, values, 0) + dr.zeros(self._backend.Float, self._width)
+            every = every if weights is None else every * weights
             return float(dr.sum(every).numpy()[0])
 
-        coming, before = self._missed + self._emitted, self._flux
+        before, emitted = self._flux, self._emitted if weights is None else total(self._flux, True)
+        coming = self._missed + emitted
         lost: dict[Fate, float] = defaultdict(float)
         for k, (surface, p) in enumerate(zip(self._path.surfaces, landing.passages)):
             blocked, hit, again = (total(before, mask) for mask in (p.blocked, p.hit, p.again))

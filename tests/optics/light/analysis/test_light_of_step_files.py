@@ -66,13 +66,14 @@ class File:
     def trace(self, rays):
         """Return what `traced_cells` asks for: fates, and a Landing."""
         points, fates = self.sequence(rays)
-        self.by_fate = {FATE[name]: float(np.sum(flux)) for name, flux in fates.items()}
+        self.by_fate = {FATE[name]: flux for name, flux in fates.items()}
         values = *points, fates["on_target"] + fates["off_target"], np.isfinite(points[0])
         x, y, flux, arrives = (self.backend.array(np.nan_to_num(a)) for a in values)
         return self, Landing(x, y, x, y, flux, arrives > 0)
 
-    def fates(self, landing, half_width):
-        return SequentialFates(self.by_fate)
+    def fates(self, landing, half_width, weights=None):
+        of_rays = 1.0 if weights is None else weights.numpy()
+        return SequentialFates({fate: float(np.sum(of_rays * flux)) for fate, flux in self.by_fate.items()})
 
 
 FATE = {
