@@ -183,9 +183,15 @@ def cell_irradiance(
     backend : of double precision.  bisections : see `border_triangles`.
     border_cells : across the source, as fine as cells at borders become.
     """
+    of_points: Tracer | None = None
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
-        tracer = Tracer(backend, path, rays)
+        nonlocal of_points
+        if isinstance(rays, RayGrid):
+            tracer = Tracer(backend, path, rays)
+        else:
+            tracer = of_points.with_rays(rays) if of_points else Tracer(backend, path, rays)
+            of_points = tracer
         return tracer, tracer.landed()
 
     return traced_cells(trace, screen, cells, backend, bisections=bisections, border_cells=border_cells)

@@ -50,8 +50,8 @@ class PowerForm:
     @cached_property
     def steepest(self) -> float:
         """A bound of the slope in any direction."""
-        along = (steepest_along(kv, net) for kv, net in zip(self.knots, (self.net, self.net.T)))
-        return float(np.hypot(*along))
+        along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self.knots, (self.net, self.net.T)))
+        return float(np.hypot(along_x, along_y))
 
 
 # of the last splines: of a front and a rear, traced again and again

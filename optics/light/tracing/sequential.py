@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cache, reduce
 from itertools import pairwise, takewhile
@@ -40,7 +41,7 @@ from optics.light.tracing.traced_surface import (
 from optics.scene.paths import AIR, LightPath
 from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
-from thbcad.poses import IDENTITY, Pose
+from thbcad.poses import IDENTITY
 from thbcad.splines import KnotVector
 
 Coefficients: TypeAlias = "Sequence[Floats]"
@@ -59,19 +60,33 @@ class Tracer:
 
     def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, proven: bool = True) -> None:
         self._backend, self._path, self._proven = backend, path, proven
+        self._embeddings = [sag.space.embedding for sag in path.sags]
+        self._frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
+        self._ahead = [b.inverse() @ a for a, b in pairwise(self._frames)]  # from a surface to the next
+        self._receiver = path.receiver.seen_from(self._frames[-1])
+        self._number = cache(backend.opaque)
+        grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
+        self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
+        self._begin(rays, grid)
+
+    def with_rays(self, rays: Rays) -> Tracer:
+        """Return the tracer of other rays along its path.  Its own are given one by one, too."""
+        other = copy(self)
+        other._begin(rays, None)
+        return other
+
+    def _begin(self, rays: RayGrid | Rays, grid: RayGrid | None) -> None:
+        """Take rays, and trace them over the surfaces that no coefficients change.
+
+        grid : rays along z that are known to meet the second surface.
+        """
+        backend, path = self._backend, self._path
         self._emitted = path.share * rays.total
         self._missed = path.share * rays.missed if isinstance(rays, RayGrid) else 0.0
         self._width = rays.flux.size
         self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
-        self._embeddings = [sag.space.embedding for sag in path.sags]
-        frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
-        self._ahead = [b.inverse() @ a for a, b in pairwise(frames)]  # from a surface to the next
-        self._receiver = path.receiver.seen_from(frames[-1])
         starts = path.before if isinstance(rays, RayGrid) else rays.origin[2].max()
-        self._obstructions = self._in_the_way(frames, max(0.0, path.emitted - starts))
-        self._number = cache(backend.opaque)
-        grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
-        self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
+        self._obstructions = self._in_the_way(max(0.0, path.emitted - starts))
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
             # meeting points with the second surface are known, and the grid lies within the plane's rectangle
@@ -87,7 +102,7 @@ class Tracer:
             self._behind = DeviceRays(origin, direction, entering)
             return
         single = rays if isinstance(rays, Rays) else rays.rays(path.before)
-        self._source = self._behind = on_device(backend, single.posed(frames[0].inverse()), self._flux)
+        self._source = self._behind = on_device(backend, single.posed(self._frames[0].inverse()), self._flux)
         for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
             step, self._behind = self._over(k, self._behind, None)
             self._fixed.append(step)
@@ -180,7 +195,7 @@ class Tracer:
         """Return the nets of the sags on the tensor-product meshes that are traced, None without a sag."""
         sags = [surface.shape.sag for surface in self._path.surfaces]
         if coefficients is None:
-            return [sag and sag.to_bspline().coefficients for sag in sags]
+            return [None if sag is None else sag.to_bspline().coefficients for sag in sags]
         nets = iter([e.coefficients(c) for e, c in zip(self._embeddings, coefficients)])
         return [None if sag is None else next(nets) for sag in sags]
 
@@ -295,13 +310,14 @@ class Tracer:
         counts |= {ON_TARGET: count(alive & onto), OFF_TARGET: count(alive & ~onto)}
         return by_name(counts)
 
-    def _in_the_way(self, frames: list[Pose], early: float) -> list[Obstruction]:
+    def _in_the_way(self, early: float) -> list[Obstruction]:
         """Return what is in the way to every surface and to the receiver.
 
-        frames : of the surfaces; in that of the next or of the last surface are the rays.
+        The rays are in the frame of the next or of the last surface.
+
         early : mm, of the way that lies before the source.
         """
-        path, backend = self._path, self._backend
+        path, backend, frames = self._path, self._backend, self._frames
         bodies, ways = [ShadingBody(backend, body) for body in path.bodies], []
         for k, (medium, frame) in enumerate(zip(path.media, [*frames[: len(path.surfaces)], frames[-1]])):
             back, air = frame.inverse(), medium == AIR
