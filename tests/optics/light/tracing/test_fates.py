@@ -1,5 +1,7 @@
 """Fates of light along a path of several elements: named by element and face, ray by ray."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,22 @@ def test_light_ends_at_the_face_that_geometry_says(backend, end):
         {"on_target": 0.0, "off_target": 0.0} | known | {end: left}, abs=1e-12
     )
     assert counts == {"on_target": 0, "off_target": 0} | {end: 1}
+
+
+def test_weights_of_rays_are_as_much_flux_and_other_rays_share_the_path(backend):
+    """Fates of weighted rays are those of rays with so much flux, traced by a tracer of rays with none."""
+    x, path = np.array([*ENDS.values()]), scene()
+    weights = np.linspace(0, 3, x.size)
+    tracer = Tracer(backend, path, rays_along_z(x))
+    weighed = tracer.fates(tracer.landed(), (2.0, 5.0), backend.array(weights))
+    heavy = replace(rays_along_z(x), flux=weights)
+    fresh = Tracer(backend, path, heavy)
+    other = Tracer(backend, path, rays_along_z(x[:2] + 0.3)).with_rays(heavy)
+    expected, landing = fresh.fates(fresh.landed(), (2.0, 5.0)), other.landed()
+    assert weighed.by_name == pytest.approx(expected.by_name, abs=1e-13)
+    assert other.fates(landing, (2.0, 5.0)).by_name == expected.by_name
+    for name in ("x", "y", "flux"):
+        np.testing.assert_array_equal(getattr(landing, name).numpy(), getattr(fresh.landed(), name).numpy())
 
 
 def test_fates_of_many_rays_are_sums_and_have_their_sentences(backend):
