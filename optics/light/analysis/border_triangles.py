@@ -13,12 +13,31 @@ corners are on that side.  Flux is shared in proportion to area and to the sourc
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thbcad.checks import Bools, Floats
 
-BISECTIONS = 20  # to a millionth of an edge, which is itself less than a thousandth of the source
+
+@dataclass(frozen=True)
+class Borders:
+    """How well borders are followed.
+
+    cells : across the source, as fine as cells that a border cuts become.
+    bisections : of an edge of these.
+    """
+
+    cells: int
+    bisections: int
+
+    def coarser(self, times: int) -> Borders:
+        """Return it for grids that are as much coarser."""
+        return replace(self, cells=self.cells // times)
+
+
+# a millionth of an edge; its square times 4 is more than all light beside a rim's four corners
+FINEST = Borders(cells=2000, bisections=20)
 
 Density = Callable[[Floats, Floats], Floats]
 
@@ -40,7 +59,7 @@ def border_triangles(
     pieces: Floats,
     arrive: Callable[[Floats, Floats], Bools],
     density: Density,
-    bisections: int = BISECTIONS,
+    bisections: int,
 ) -> tuple[Floats, Floats]:
     """Return corners (3, 2, m) and flux (m,) of triangles that make up rectangles, none cut by the border.
 

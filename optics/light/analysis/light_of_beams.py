@@ -24,6 +24,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from optics.base.runtime import Backend
+from optics.light.analysis.border_triangles import Borders
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_cells import cell_irradiance
 from optics.light.blur import Blur, LandingShifts, blur_of
@@ -45,7 +46,7 @@ FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 # a filter without the highest frequency of these finer pixels, which leaves 63/64 of the screen's highest
 STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 LEAST_CELLS = 128
-BORDER_CELLS, BISECTIONS = 1000, 5  # see `cell_irradiance`; more of both change 1e-4 of the light
+BORDERS = Borders(cells=1000, bisections=5)  # more of both change 1e-4 of the light
 AXIS = np.array([0.0, 0.0, 1.0])
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
@@ -151,7 +152,7 @@ def _of_beam(
     cells: SourceCells, path: LightPath, screen: Screen, backend: Backend
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance, flux by fate) of the cells of a beam."""
-    return cell_irradiance(path, screen, cells, backend, BISECTIONS, BORDER_CELLS)
+    return cell_irradiance(path, screen, cells, backend, BORDERS)
 
 
 def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:

@@ -2,8 +2,8 @@
 
 The map from source to target is smooth but for the rims of the surfaces and total reflection, so that cells
 leave an error of second order in their size, and none where the map is linear.  A cell that such a border
-cuts is split in four until 1 / BORDER_CELLS of the source is wider than the parts; those of coarser grids
-stay as much coarser.  Then those that it cuts are cut along it (`border_triangles`).
+cuts is split in four until the parts are as fine as `Borders` says; those of coarser grids stay as much
+coarser.  Then those that it cuts are cut along it (`border_triangles`).
 
 Away from borders the error falls with the number N of cells as 1 / N, so that two grids tell it.
 Richardson's extrapolation of their images, of N cells and of N / r,
@@ -26,7 +26,7 @@ from operator import add
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.analysis.border_triangles import BISECTIONS, border_triangles, shared_flux
+from optics.light.analysis.border_triangles import FINEST, Borders, border_triangles, shared_flux
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import MappedCells, Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
@@ -38,9 +38,6 @@ from thbcad.checks import EPS, Bools, Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 PIXELS_TO_A_CORNER = 2  # of those at once on large screens, whose pixels take time for every strip
-BORDER_CELLS = (
-    2000  # across the source; its square times 4 is more than all light beside a rim's four corners
-)
 # of the finest grid, in each direction: rel_l2 is within 1e-4 of that of 6143 cells on nine examples, where
 # 8 and 6 without extrapolation are within 1.5e-4
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 4, 4
@@ -72,12 +69,12 @@ def cut_cells(arrives: Bools, emitted: Floats, least: float = 0.0) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
-    """Cells are traced with their corners, to a screen.  bisections : see `border_triangles`."""
+    """Cells are traced with their corners, to a screen."""
 
     trace: Trace
     screen: Screen
     backend: Backend
-    bisections: int
+    borders: Borders
 
     def light(self, rays: RayGrid | Rays, emitted: Floats, least: float = 0.0) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners.
@@ -126,8 +123,8 @@ def grid_irradiance(
     counts = [_cells(*pair) for pair in zip(screen.pixels, spans)]
     grids = [[_prime_from(round(n / COARSER**k)) for n in counts] for k in range(3)]
     traced = [
-        cell_irradiance(path, screen, system.source.cells(grid), backend, border_cells=borders)
-        for grid, borders in zip(grids, (BORDER_CELLS // COARSER**k for k in range(3)))
+        cell_irradiance(path, screen, system.source.cells(grid), backend, FINEST.coarser(COARSER**k))
+        for k, grid in enumerate(grids)
     ]
     images, (fates, *_) = zip(*traced)
     ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
@@ -175,13 +172,11 @@ def cell_irradiance(
     screen: Screen,
     cells: SourceCells,
     backend: Backend,
-    bisections: int = BISECTIONS,
-    border_cells: int = BORDER_CELLS,
+    borders: Borders = FINEST,
 ) -> tuple[Floats, SequentialFates]:
     """Return (irradiance (rows, columns) W/mm^2, flux by fate) of the light of cells along a path.
 
-    backend : of double precision.  bisections : see `border_triangles`.
-    border_cells : across the source, as fine as cells at borders become.
+    backend : of double precision.
     """
     of_points: Tracer | None = None
 
@@ -194,7 +189,7 @@ def cell_irradiance(
             of_points = tracer
         return tracer, tracer.landed()
 
-    return traced_cells(trace, screen, cells, backend, bisections=bisections, border_cells=border_cells)
+    return traced_cells(trace, screen, cells, backend, borders=borders)
 
 
 def traced_cells(
@@ -203,16 +198,14 @@ def traced_cells(
     cells: SourceCells,
     backend: Backend,
     at_once: int | None = None,
-    bisections: int = BISECTIONS,
-    border_cells: int = BORDER_CELLS,
+    borders: Borders = FINEST,
 ) -> tuple[Floats, SequentialFates]:
     """Return what `cell_irradiance` does, of light that is traced in any way.
 
     trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
     at_once : corners that are in memory together, about; None leaves it to the program.
-    bisections, border_cells : as there.
     """
-    tracer = _CellTracer(trace, screen, backend, bisections)
+    tracer = _CellTracer(trace, screen, backend, borders)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
     parts, pieces = [], []
     usual = max(CORNERS_AT_ONCE, prod(screen.pixels) // PIXELS_TO_A_CORNER)
@@ -222,7 +215,7 @@ def traced_cells(
         i, j = np.nonzero(part.cut)
         pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))
     rest = np.concatenate(pieces, axis=1)
-    splits = ceil(log2(border_cells / min(cells.emitted.shape)))
+    splits = ceil(log2(borders.cells / min(cells.emitted.shape)))
     while rest.size and splits > 0:
         splits -= 1
         part, rest = _split(tracer, cells, rest)
@@ -265,7 +258,7 @@ def _along_border(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> li
     def arrive(s: Floats, t: Floats) -> Bools:
         return tracer.arrive(cells.at(s, t, np.zeros_like(s)))
 
-    (p, q, r), flux = border_triangles(pieces, arrive, cells.density, tracer.bisections)
+    (p, q, r), flux = border_triangles(pieces, arrive, cells.density, tracer.borders.bisections)
     s, t = np.stack([p, q, r, (q + r) / 2]).transpose(1, 2, 0)
     emitted = np.zeros((2 * len(flux) - 1, 1))
     emitted[::2, 0] = flux

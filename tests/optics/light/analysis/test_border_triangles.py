@@ -51,20 +51,20 @@ def test_what_arrives_is_the_area_inside(name, exact, within):
     """A straight border is exact but for the bisection, 2^-20 of an edge of 1 / 20.  Of a disk of radius r
     chords of length l leave l^2 / (12 r) along 2 pi r: below pi (2 / 40)^2 2 / 6 = 2.6e-3, less where a
     triangle's diagonal shortens them."""
-    corners, flux = border_triangles(squares(), BORDERS[name], even)
+    corners, flux = border_triangles(squares(), BORDERS[name], even, 20)
     inside = BORDERS[name](*corners.mean(axis=0))
     assert flux[inside].sum() == pytest.approx(exact, abs=within)
 
 
 def test_medians_feet_lie_on_the_squares_triangles():
     """The edge from the second corner to the third: along s, along t, or along the diagonal."""
-    _, (qs, qt), (rs, rt) = border_triangles(squares(), BORDERS["disk"], even)[0]
+    _, (qs, qt), (rs, rt) = border_triangles(squares(), BORDERS["disk"], even, 20)[0]
     along = np.minimum(np.abs(qs - rs), np.abs(qt - rt)), np.abs((qs - rs) - (qt - rt))
     assert np.minimum(*along).max() < 1e-15
 
 
 def test_rectangles_beside_the_border_stay_whole():
-    corners, flux = border_triangles(squares(), lambda s, t: s > 7, even)
+    corners, flux = border_triangles(squares(), lambda s, t: s > 7, even, 20)
     assert corners.shape == (3, 2, 2 * SIDE**2)
     np.testing.assert_allclose(flux, areas(corners), rtol=1e-12)
 

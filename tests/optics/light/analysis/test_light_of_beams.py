@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import kstest
 
 from optics.light.analysis import light_of_beams
+from optics.light.analysis.border_triangles import Borders
 from optics.light.analysis.light_of_beams import SUNFLOWER, _disk_points, beam_irradiance
 from tests.optics.light.analysis.cases import Made
 
@@ -34,8 +35,7 @@ def test_borders_of_beams_are_far_finer_than_their_samples_tell(tmp_path, backen
     path = made.system.path(made.lens)
     light, fates = beam_irradiance(made.system, path, made.screen, backend)
     assert fates.missed_rear > 0.01 * fates.transmitted
-    monkeypatch.setattr(light_of_beams, "BORDER_CELLS", 4 * light_of_beams.BORDER_CELLS)
-    monkeypatch.setattr(light_of_beams, "BISECTIONS", 12)
+    monkeypatch.setattr(light_of_beams, "BORDERS", Borders(4 * light_of_beams.BORDERS.cells, 12))
     finer, _ = beam_irradiance(made.system, path, made.screen, backend)
     off = np.linalg.norm(finer.irradiance - light.irradiance)
     assert 0 < off < np.linalg.norm(light.error) / 30

@@ -50,16 +50,16 @@ def test_three_grids_of_cells_give_the_image_and_its_error(beam, monkeypatch):
     given = [*np.random.default_rng(3).uniform(1, 1.2, (3, 48, 48))]
     images, real, grids, borders = iter(given), light_of_cells.cell_irradiance, [], []
 
-    def watched(path, screen, cells, backend, border_cells):
+    def watched(path, screen, cells, backend, found):
         grids.append(cells.emitted.shape)
-        borders.append(border_cells)
+        borders.append((found.cells, found.bisections))
         return next(images), real(path, screen, cells, backend)[1]
 
     monkeypatch.setattr(light_of_cells, "cell_irradiance", watched)
     result = measure(beam.system, beam.lens, beam.backend)
     numbers = [n for grid in grids for n in grid]
     assert all(n % k for n in numbers for k in range(2, n))
-    assert borders == [2000, 1000, 500]
+    assert borders == [(2000, 20), (1000, 20), (500, 20)]
     ratios = [prod(fine) / prod(coarse) for fine, coarse in pairwise(grids)]
     assert ratios == pytest.approx([4, 4], rel=0.12)
     light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(given), ratios))
@@ -76,7 +76,7 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
     """Ten for a pixel up to 1024 in all, then four, on large screens three; no fewer than 256."""
     grids = []
 
-    def watched(path, screen, cells, backend, border_cells):
+    def watched(path, screen, cells, backend, borders):
         grids.append(cells.emitted.shape)
         return np.ones(screen.shape), fates
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from optics.light.analysis import closed_lens_light, light_of_cells, measure
+from optics.light.analysis.border_triangles import Borders
 from optics.light.analysis.light_of_cells import extrapolated, traced_cells
 from optics.light.tracing import (
     FATES,
@@ -134,12 +135,14 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
     for name, value in of_rays.items():
         monkeypatch.setattr(closed_lens_light, name, value)
     monkeypatch.setattr(light_of_cells, "_cells", lambda *_: CELLS)
-    monkeypatch.setattr(light_of_cells, "BORDER_CELLS", 2 * CELLS)
+    monkeypatch.setattr(light_of_cells, "FINEST", Borders(2 * CELLS, 20))
     found = measure(system, lens, backend)
 
     (fine, fates), (coarse, _) = (
-        traced_cells(file.trace, file.screen, system.source.cells([n] * 2), backend, border_cells=borders)
-        for n, borders in ((CELLS, 2 * CELLS), (COARSER, CELLS))
+        traced_cells(
+            file.trace, file.screen, system.source.cells([n] * 2), backend, borders=Borders(fine, 20)
+        )
+        for n, fine in ((CELLS, 2 * CELLS), (COARSER, CELLS))
     )
     wanted, closed = extrapolated(fine, coarse, (CELLS / COARSER) ** 2), np.zeros(len(FATES))
     for rays in seen:
