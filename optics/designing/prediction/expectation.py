@@ -109,7 +109,14 @@ def expected(
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
     flux = system.problem.flux
-    reflected = (fates.rear_reflected + fates.total_internal) / flux
+    # at the last face: earlier ones have losses of their own; a lens alone says of none where light is
+    # reflected totally
+    at_last = len(system.problem.faces_met) - 1, -1
+    kept, totally = (
+        sum(lost for fate, lost in fates.flux.items() if fate.what == what and fate.number in at_last) / flux
+        for what in ("reflected", "total_internal")
+    )
+    reflected = kept + totally
     light, _ = start.rear_slopes()
     net, pixel = _net(system, start.half_lit, light), max(system.target.screen().pitch)
     fine = net <= COARSE * pixel or system.target.uniform_region is not None
@@ -129,7 +136,7 @@ def expected(
         blocked=fates.blocked / flux,
         blocking=blocking(system, lens, backend, coarsening) if fates.blocked else {},
         reflected=reflected,
-        totally=fates.total_internal / flux,
+        totally=totally,
         nearest=gentler_geometries(system, start)
         if system.shaped == "rear" and reflected > STEEP and not is_gentle(system, start)
         else [],

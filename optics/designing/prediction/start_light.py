@@ -9,11 +9,13 @@ rel_l2 = 0.211 there (195 000 coefficients), at 0.209 on level 5, 0.207 on level
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 from math import sqrt
+from operator import add
 
 from optics.base.runtime import Backend
 from optics.designing.starts import TransportStart, spot_lens
-from optics.light.analysis import cell_irradiance, rel_l2
+from optics.light.analysis import cell_irradiance, coloured, rel_l2
 from optics.light.blur import blur_of
 from optics.light.tracing import SequentialFates, Tracer
 from optics.scene.paths import LightPath
@@ -33,7 +35,8 @@ def light_before(
 ) -> tuple[SequentialFates, float | None]:
     """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
 
-    The fates of blurred light are those of the sharp light on a target that is wider by the blur's reach.
+    Light of a spectrum is that of all its wavelengths.  The fates of blurred light are those of the sharp
+    light on a target that is wider by the blur's reach.
     coarsening : pixels that are merged in each direction.  path : another one through the lens.
     """
     seen, blurred, path = system.target.screen(coarsening), None, path or system.shaded_path(lens)
@@ -41,12 +44,16 @@ def light_before(
     if system.blurred:
         blurred, system = blur_of(system, path, backend).onto(seen), system.sharp
         screen = blurred.wide
+    lights, side = coloured(system, path), round(sqrt(RAYS))
     if system.source.extended:
-        side = round(sqrt(RAYS))
-        tracer = Tracer(backend, path, system.source.rays((side, side)))
-        return tracer.fates(tracer.landed(), screen.half_width), None
+        rays = system.source.rays((side, side))
+        tracers = [(share, Tracer(backend, way, rays)) for share, way in lights]
+        return reduce(add, (t.fates(t.landed(), screen.half_width) * share for share, t in tracers)), None
     counts = [min(CELLS_PER_PIXEL * n, MOST_CELLS) + 1 for n in screen.pixels]
-    irradiance, fates = cell_irradiance(path, screen, system.source.cells(counts), backend)
+    cells = system.source.cells(counts)
+    images, every = zip(*(cell_irradiance(way, screen, cells, backend) for _, way in lights))
+    irradiance = reduce(add, (share * image for (share, _), image in zip(lights, images)))
+    fates = reduce(add, (by_fate * share for (share, _), by_fate in zip(lights, every)))
     if blurred:
         irradiance = blurred(irradiance)
     shown = seen.projection()  # in the far field intensities are compared

@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from .file_tracers import file_tracer, require_tracer
+    from .file_tracers import file_tracer, require_traced, require_tracer
     from .light_comparison import LightComparison, compare_light
     from .light_verification import light_comparison_checks, light_comparison_lines
 

@@ -80,6 +80,11 @@ def require_tracer(name: str, rays: int | None) -> int:
     return usual if rays is None else rays
 
 
+def require_traced(system: OpticalSystem) -> None:
+    """Raise UserError where other programs trace no file of the system."""
+    require_lens_on_axis(system, "traces of a file by other programs", "verify it without --light")
+
+
 def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = NODES) -> FileTracer:
     """Return a tracer of a STEP file to the target of a system.
 
@@ -90,7 +95,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     """
     from optics.exchange.verification import RaysBehind, tracer_by_occt, tracer_by_optiland  # OCCT
 
-    require_lens_on_axis(system, "traces of a file by other programs", "verify it without --light")
+    require_traced(system)
     index, target = index_of(file), system.target.receiver
     start = (
         min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optics.base.runtime import Check, UserError
+from optics.base.runtime import Check, UserError, note
 from optics.exchange.export.body import Body
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.height_maps import x3p_bytes, x3p_checks
@@ -24,7 +24,7 @@ from optics.exchange.export.read_back import (
     sag_checks,
     solid_checks,
 )
-from optics.exchange.results import ResultFolder, lens_of, require_own, require_writable
+from optics.exchange.results import ResultFolder, beside, lens_of, require_own, require_writable
 from optics.exchange.verification import EXACT_VOLUME, FITTED_VOLUME, volume_check
 from thbcad.drawings import DRAWINGS, drawing_bytes, lens_sheet
 from thbcad.io import (
@@ -73,6 +73,8 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
     path = Path(result)
     if path.is_dir():
         system, lens, _ = ResultFolder(path).read()
+        for sentence in beside(system.problem):
+            note(sentence)
         return lens, Labels(system.product, system.problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), Labels()
 

@@ -13,14 +13,16 @@ if TYPE_CHECKING:
         recorded,
         remove_files,
         require_own,
+        require_places,
         require_room_for_live_page,
         require_writable,
         sha256_of,
         writable_folder,
         write_live_page,
         write_record,
+        write_recorded,
     )
-    from .result_files import SCENE, level_files, shape_file
+    from .result_files import SCENE, beside, level_files, shape_file
     from .result_folder import ResultFolder, lens_of
     from .result_writer import ResultWriter
 

@@ -14,6 +14,8 @@ from optics.scene.system import OpticalSystem
 from thbcad.io import sag_from_dict, sag_to_dict, write_text
 
 SCHEMA, VERSION = "thbcad-checkpoint", 4
+MOST = 2.0**63  # no number of a history reaches it
+DROP = "drop it with --force in place of --resume"
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,8 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
             raise ValueError("moved must be true or false and stage a whole number")
         for row in history:
             numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
-            if not all(type(v) in (int, float) for v in numbers):
-                raise ValueError("the history must hold numbers")
+            if not all(type(v) in (int, float) and abs(v) < MOST for v in numbers):
+                raise ValueError("the history must hold numbers of this size")
         state = State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)
         notes = [str(sentence) for sentence in data["notes"]]
     except OSError as error:
@@ -78,7 +80,7 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
             f"nothing to resume: cannot read {path}: {error.strerror}; run without --resume"
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise UserError(f"cannot resume: {path} is damaged ({error}); run without --resume") from None
+        raise UserError(f"cannot resume: {path} is damaged ({error}); {DROP}") from None
     if not same:
         raise UserError(
             f"cannot resume: {path} belongs to another problem; resume it with the keys it was "
@@ -91,7 +93,7 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
     elif len(state.sags) != count:
         damage = f"{len(state.sags)} sags instead of {count}"
     if damage:
-        raise UserError(f"cannot resume: {path} is damaged ({damage}); run without --resume")
+        raise UserError(f"cannot resume: {path} is damaged ({damage}); {DROP}")
     return state, notes
 
 

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, is_text
-from thbcad.io import json_text, write_text
+from thbcad.io import json_text, write_files, write_text
 
 HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
+BEFORE = "sha256_before"  # another, while files are replaced: lists of those that they may still have
 NAMED = 3  # files in a sentence
 LIVE = "live.html"
 MARK = "<!-- a live page of thbcad: the next run in this folder replaces it -->\n"
@@ -31,19 +32,40 @@ def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
     return {name: sha256_of(folder / name) for name in sorted(names)}
 
 
+def write_recorded(folder: Path, record: str, data: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
+    """Write files, and the record of them: data, and their hashes.
+
+    The record comes first, and holds the hashes of what lay there too until all files are in their places:
+    wherever this is stopped, they are files that this program wrote.
+    """
+    new = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(contents.items())}
+    before = {name: sorted(held) for name, held in _owned(folder / record).items()}
+    write_text(folder / record, json_text({**data, HASHES: new, BEFORE: before}))
+    write_files({folder / name: content for name, content in contents.items()})
+    write_text(folder / record, json_text({**data, HASHES: new}))
+
+
 def write_record(path: Path, data: Mapping[str, Any], names: Iterable[str]) -> None:
     """Write a record: data, and the hashes of the files beside it that it speaks of."""
     write_text(path, json_text({**data, HASHES: hashes(path.parent, names)}))
 
 
-def recorded(record: Path) -> dict[str, str]:
+def recorded(record: Path, key: str = HASHES) -> dict[str, Any]:
     """Return the hashes that a record holds, none where there is no record."""
     try:
         data = json.loads(record.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    held = data.get(HASHES) if isinstance(data, Mapping) else None
+    held = data.get(key) if isinstance(data, Mapping) else None
     return dict(held) if isinstance(held, Mapping) else {}
+
+
+def _owned(record: Path) -> dict[str, set[str]]:
+    """Return the hashes, by name, under which files belong to this program."""
+    owned = {name: {str(found)} for name, found in recorded(record).items()}
+    for name, found in recorded(record, BEFORE).items():
+        owned.setdefault(name, set()).update(map(str, found if isinstance(found, list) else ()))
+    return owned
 
 
 def foreign(folder: Path, names: Iterable[str], record: str) -> list[str]:
@@ -51,12 +73,12 @@ def foreign(folder: Path, names: Iterable[str], record: str) -> list[str]:
 
     The record itself belongs to this program where it holds hashes.
     """
-    held = recorded(folder / record)
+    held = _owned(folder / record)
     present = [name for name in names if (folder / name).exists()]
     return [
         name
         for name in present
-        if (not held if name == record else held.get(name) != sha256_of(folder / name))
+        if (not held if name == record else sha256_of(folder / name) not in held.get(name, ()))
     ]
 
 
@@ -70,6 +92,18 @@ def require_own(folder: Path, names: Iterable[str], record: str, force: bool) ->
             f"{shown}{more} would be replaced, but was not written by this program or was changed since; "
             "choose another --out, or replace it with --force"
         )
+
+
+def require_places(folder: Path, names: Iterable[str]) -> None:
+    """Raise UserError where a folder lies in the place of a file, or something else in that of a folder."""
+    for path in (folder / name for name in names):
+        parent, wrong = path.parent, ""
+        if path.is_dir():
+            wrong = "it is a folder"
+        elif (parent.exists() or parent.is_symlink()) and not parent.is_dir():
+            wrong = f"{parent} is no folder"
+        if wrong:
+            raise UserError(f"cannot write {path}: {wrong}; move it or choose another with --out")
 
 
 def remove_files(folder: Path, names: Iterable[str]) -> None:

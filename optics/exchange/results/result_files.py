@@ -50,6 +50,15 @@ def part_files(problem: Problem) -> list[str]:
     return [*steps, *shapes, *figures, SCENE] if others else []
 
 
+def beside(problem: Problem) -> list[str]:
+    """Return a sentence on which of several free elements lens.json is; none where there is one."""
+    others = [optic.called for optic in problem.free_optics if optic is not problem.optic]
+    if not others:
+        return []
+    files = ", ".join(shape_file(name) for name in others)
+    return [f"this is {problem.optic.called} alone, the last of the free elements; the others are in {files}"]
+
+
 def shape_file(name: str) -> str:
     """Return the native file of a free element that is not that of lens.json."""
     return f"{name}.lens.json"

@@ -23,6 +23,7 @@ from optics.exchange.results.owned_files import (
     recorded,
     remove_live_page,
     require_own,
+    require_places,
     sha256_of,
     writable_folder,
 )
@@ -85,12 +86,7 @@ class ResultFolder:
         try:
             with run_lock(self.path, problem.title):
                 self._clear_temporaries()
-                for name in self._names(problem):
-                    if (self.path / name).is_dir():
-                        raise UserError(
-                            f"cannot write {self.path / name}: it is a folder; move it or choose another "
-                            "with --out"
-                        )
+                require_places(self.path, self._names(problem))
                 if not force:
                     self._require_nothing_lost(problem)
                 remove_live_page(self.path)
@@ -242,9 +238,26 @@ class ResultFolder:
         levels = [name for name in kept if is_level_file(name)]
         return [*FILES, CHECKPOINT, *pictures_of(problem), *part_files(problem), *levels]
 
+    def require_kept(self, asked: Path) -> None:
+        """Raise UserError where the result would replace the problem file that is asked for, which is not its
+        own: beside an unfinished run nobody knows whose it is, and comments would be lost."""
+        if not self.problem.exists() or not self.problem.samefile(asked):
+            return
+        if self.has_result() and self._is_recorded(self.problem.name):
+            return
+        if load_problem(asked).to_toml() != asked.read_text("utf-8"):
+            raise UserError(
+                f"{asked} would be replaced by the resolved problem, without its comments; choose another "
+                "--out, or replace it with --force"
+            )
+
     def _require_nothing_lost(self, problem: Problem) -> None:
+        names = self._names(problem)
         if self.has_run_of(problem):
-            return  # this was asked when that run began
+            if self.has_result():
+                names.remove(CHECKPOINT)
+                require_own(self.path, names, RECORD, force=False)
+            return  # whose files lie here was asked when that run began
         if owner := checkpoint_owner(self.checkpoint):
             raise UserError(
                 f"{self.path} holds an unfinished run of another problem, {owner.title!r}, which would be "
@@ -253,7 +266,7 @@ class ResultFolder:
             )
         if self.has_result() and not self.is_result_of(problem):
             self._refuse_another_problem(problem)
-        require_own(self.path, self._names(problem), RECORD, force=False)
+        require_own(self.path, names, RECORD, force=False)
 
     def _refuse_another_problem(self, problem: Problem) -> None:
         """Raise UserError that says in which keys the problem of the result differs, if it can be read."""

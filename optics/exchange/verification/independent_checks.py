@@ -54,7 +54,7 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
     difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system, lens)))
-    fates, landing, _ = difference.checks(system.problem.verify, "OCCT's intersections with the file")
+    fates, landing, _ = difference.checks(system.traced_within, "OCCT's intersections with the file")
     return [*_own_checks(file, system.made(lens)), fates, landing]
 
 

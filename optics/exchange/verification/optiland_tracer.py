@@ -65,7 +65,7 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: 
     difference = compared(
         system, lens, backend, RAYS, tracer_by_optiland(file, None if system.reflects else lens.index)
     )
-    return difference.checks(system.problem.verify, "optiland's trace of the file")
+    return difference.checks(system.traced_within, "optiland's trace of the file")
 
 
 def tracer_by_optiland(file: StepFile, index: float | None) -> Callable[[RaysBehind], RaysBehind]:

@@ -128,7 +128,7 @@ def light_checks(
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     backend : of double precision.
     """
-    limits, path, made = system.problem.verify, system.own_path(lens), system.solid(lens)
+    limits, path, made = system.traced_within, system.own_path(lens), system.solid(lens)
     rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
         path = system.held(path, made.free)

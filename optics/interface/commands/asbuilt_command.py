@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import NumericalError
-from optics.exchange.results import remove_files, require_own, writable_folder, write_record
+from optics.exchange.results import beside, remove_files, require_own, writable_folder, write_record
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import loss_notes
@@ -59,7 +59,7 @@ def asbuilt(options: Namespace) -> Outcome:
             if not check.ok:
                 raise NumericalError(f"{folder / STEP}: {check.name}; is the disk sound? Run it again")
 
-    notes = loss_notes(made.metrics, design.system.units)
+    notes = [*beside(design.problem), *loss_notes(made.metrics, design.system.units)]
     verdict = built.verdict(design.problem.verify, notes)
     data = as_built_data(built) | verdict.data()
     files = (*FILES, STEP) if options.step else FILES

@@ -20,6 +20,7 @@ from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import (
     LIVE,
     ResultFolder,
+    fingerprint,
     read_checkpoint,
     require_room_for_live_page,
     write_checkpoint,
@@ -48,7 +49,7 @@ class _Run:
     """One design on its way.
 
     asked : the problem as it was read.  words : of the command line.  history : of what the checkpoint keeps.
-    live : the page that shows it, once it has begun.
+    live : the page that shows it, once it has begun.  identity : fingerprint of the problem at the beginning.
     """
 
     asked: Problem
@@ -58,6 +59,19 @@ class _Run:
     live: LiveView
     notes: Notes = field(default_factory=lambda: Notes(listener=note))
     history: list[Row] = field(default_factory=list)
+    identity: str = ""
+
+    def require_same_files(self) -> None:
+        """Raise UserError where the picture or rays of the problem are no more those of `identity`."""
+        try:
+            same = fingerprint(self.asked) == self.identity
+        except OSError:
+            same = False
+        if not same:
+            raise UserError(
+                "the picture or the rays that the problem names changed while the design ran: put the file "
+                "back; with --resume the same command then goes on from the last level that is kept"
+            )
 
 
 def design(options: Namespace) -> Outcome:
@@ -73,7 +87,9 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--lens takes a lens as it is: --resume, --from and --live are for designs")
     system, lens = _given(options) if options.lens else (system_of(options), None)
     problem = system.problem
-    run = _Run(problem, options.words, folder, clock, live)
+    run = _Run(problem, options.words, folder, clock, live, identity=fingerprint(problem))
+    if not options.force:
+        folder.require_kept(Path(options.problem))
     with folder.taken(problem, options.force or (options.resume and folder.checkpoint.exists())):
         if options.live:
             require_room_for_live_page(folder.path, options.force)
@@ -83,7 +99,7 @@ def design(options: Namespace) -> Outcome:
             ended = "the run has ended without a result; the terminal says why"
             kept = isinstance(error, ProcessEnded | OSError) and folder.has_run_of(problem)
             if kept or isinstance(error, KeyboardInterrupt):
-                ended = _what_is_kept(run)
+                ended = _what_is_kept(run, options.lens)
                 run.notes(ended)
             live.stop(ended)
             raise
@@ -138,6 +154,9 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
             _load(solids, drawing)
         if lens is not None:
             design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
+            # it says whose files lie here until the record does
+            begun = State(False, 0, tuple(lens.sags))
+            write_checkpoint(run.folder.checkpoint, run.asked, system.problem, begun)
             written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
             return _outcome(written, system)
         ready = prepared(system)
@@ -159,6 +178,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
             show_in_browser(run.folder.path / LIVE)
 
         def keep(state: State) -> None:
+            run.require_same_files()
             state = state.renumbered(ready.system, resolved)
             write_checkpoint(run.folder.checkpoint, run.asked, resolved.problem, state, run.notes)
             run.history[:] = state.history
@@ -166,6 +186,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         design = designed(run.asked, ready, run.clock, run.notes, None, state, keep, run.live.watching)
         if design.interrupted:
             raise KeyboardInterrupt
+        run.require_same_files()
         written = write_result(design, run.folder, run.clock, solids, figures)
         run.live.done()
     return _outcome(written, system)
@@ -207,9 +228,12 @@ def _resumed(run: _Run, system: OpticalSystem) -> State:
     return earlier_state(system, result.lens, result.system.shapes)
 
 
-def _what_is_kept(run: _Run) -> str:
-    """Return how far a run came that was stopped, and the command line that goes on."""
-    if not run.folder.has_run_of(run.asked):
+def _what_is_kept(run: _Run, lens: str | None) -> str:
+    """Return how far a run came that was stopped, and the command line that goes on.
+
+    lens : the file of a lens that is taken as it is.
+    """
+    if lens or not run.folder.has_run_of(run.asked):
         return "nothing was kept, since no level had begun; the same command starts again"
     command = f"to go on: {resuming(run.words)}"
     if not run.history:

@@ -21,7 +21,7 @@ SMALLEST, LARGEST = 1.0, 1000.0  # mm, of a lens that is asked for
 
 def new(options: Namespace) -> Outcome:
     """Print a problem file to start from; at a terminal and without options, ask and write it."""
-    if options.words == ("new",) and sys.stdin.isatty() and sys.stdout.isatty():
+    if options.words == ("new",) and all(s is not None and s.isatty() for s in (sys.stdin, sys.stdout)):
         return _asked()
     text = commented_problem(options.kind)
     return Outcome({"problem": text}, text.splitlines())

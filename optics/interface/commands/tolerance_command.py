@@ -10,7 +10,7 @@ from typing import Any
 
 from optics.base.runtime import Phase, Progress, UserError, note
 from optics.designing.progress import drawing
-from optics.exchange.results import require_own, run_id, writable_folder, write_record
+from optics.exchange.results import require_own, run_id, writable_folder, write_recorded
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
@@ -18,7 +18,6 @@ from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
 from optics.tolerancing.perturbations import HEAD, RISE, ToleranceBudget, effect_rows, shop_sentences
-from thbcad.io import write_text
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
@@ -102,8 +101,7 @@ def tolerance(options: Namespace) -> Outcome:
     study = _study(design, amounts, limits, periods, options)
 
     data = study.data()
-    write_text(folder / PAGE, _page(study))
-    write_record(folder / RECORD, data, (PAGE,))
+    write_recorded(folder, RECORD, data, {PAGE: _page(study).encode()})
     rows = [HEAD, *effect_rows(study.budget)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]

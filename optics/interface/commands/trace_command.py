@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from optics.base.runtime import UserError, load_backend
-from optics.exchange.results import ResultFolder, require_own, writable_folder, write_record
+from optics.exchange.results import ResultFolder, require_own, writable_folder, write_recorded
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import (
     conservation,
@@ -25,7 +25,6 @@ from optics.reporting.report import light_files
 from optics.scene.photometry import Units
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
-from thbcad.io import write_bytes
 
 MOST_RAYS = 1 << 15  # per direction
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
@@ -72,9 +71,7 @@ def trace(options: Namespace) -> Outcome:
         data["nonsequential"] = nonsequential(system, lens, exact)
     if system.problem.optic.array is not None:
         data |= crosstalk(system, lens, exact)
-    for name, content in contents.items():
-        write_bytes(folder / name, content)
-    write_record(folder / RECORD, data, files)
+    write_recorded(folder, RECORD, data, contents)
     return Outcome(data, [*_lines(data, system.units), *_left_out(system), f"wrote {folder}"])
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from optics.base.runtime import Backend, Check, UserError, check_lines, note, reading, verification
-from optics.exchange.results import SCENE, ResultFolder, require_own, writable_folder, write_record
+from optics.exchange.results import SCENE, ResultFolder, require_own, writable_folder, write_recorded
 from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import delivery_checks
@@ -23,7 +23,6 @@ from optics.scene.system import (
     other_parts,
 )
 from thbcad.doors import pip_command
-from thbcad.io import write_bytes, write_text
 from thbcad.lens import Lens
 
 
@@ -70,19 +69,18 @@ class LightRequest:
         with reading(file.path):
             tracer = file_tracer(self.tracer, file, system)
         found = compare_light(system, lens, tracer, self.rays, backend)
-        checks = light_comparison_checks(found, system.problem.verify)
+        checks = light_comparison_checks(found, system.traced_within)
         checked, lines = verification(checks), light_comparison_lines(found)
         image, page, record = self.names
         picture = two_lights_figure(found.theirs, found.ours, found.screen, system.density, self.tracer)
-        write_bytes(self.folder / image, picture)
         of = "lens.step" if system.problem.optic.array is None else "one lens of the plate of lens.step"
         title = f"{system.problem.title}: the light of {of} by {self.tracer}"
         caption = f"The light of {of} as {self.tracer} makes it, the lens's own, and their difference."
-        write_text(self.folder / page, check_page(title, checked, lines, [(caption, picture)]))
+        shown = check_page(title, checked, lines, [(caption, picture)]).encode()
         data = found.metrics | {"light_of": of} | checked
         if system.problem.optic.array is not None:
             lines.append(f"this is the light of {of}, of its own source")
-        write_record(self.folder / record, data, (image, page))
+        write_recorded(self.folder, record, data, {image: picture, page: shown})
         return FileLight(checks, data, [*lines, f"wrote {self.folder}"])
 
 
@@ -104,11 +102,12 @@ def light_request(options: Namespace, of_folder: bool) -> LightRequest | None:
             "--light compares with the light of a design: give its result folder, got the file "
             f"{options.result}"
         )
-    from optics.exchange.cross_checks import require_tracer  # few runs ask
+    from optics.exchange.cross_checks import require_traced, require_tracer  # few runs ask
 
     rays = require_tracer(options.light, None if options.rays is None else _count(options.rays))
     if not (Path(options.result) / "problem.toml").exists():
         raise UserError(f"{options.result} is not a result folder: it has no problem.toml")
+    require_traced(ResultFolder(options.result).read().system)
     request = LightRequest(options.light, rays, Path(options.out or Path(options.result) / "verify_light"))
     writable_folder(request.folder)
     require_own(request.folder, request.names, request.names[-1], options.force)

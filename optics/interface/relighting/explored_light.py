@@ -26,6 +26,7 @@ from thbcad.lens import Lens
 DIVERGENCE, WIDEST = "source.divergence", 1.0  # degrees: four times that of the sun
 # how far the others go: of the front's half-width, degrees, 1, %, of the distance of the target
 ACROSS, TURNED, INDEX, SIZE, AWAY = 0.1, 5.0, 0.05, 50.0, 0.25
+LEAST_PIXELS = 2  # of a target, in each direction
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Explorer:
     def __init__(self, system: OpticalSystem, lens: Lens, backend: Backend, pixels: int) -> None:
         problem, source = system.problem, system.problem.source
         part = min(1.0, pixels / max(problem.target.pixels))
-        fewer = tuple(max(1, round(part * n)) for n in problem.target.pixels)
+        fewer = tuple(max(LEAST_PIXELS, round(part * n)) for n in problem.target.pixels)
         self._problem = problem.with_(**{"target.pixels": fewer})
         self._shapes, self._lens, self._backend = system.shapes, lens, backend
         self._divergence = source.half_divergence
@@ -100,7 +101,8 @@ class Explorer:
         system = solvable_system(problem).shaped_as(self._shapes)
         light = PerturbedLight(system, self._lens, self._backend)
         blur = 0.0 if light.by_cells else spot_rms(system, self._lens, self._backend)
-        target = system.target.irradiance(system.target.screen(), problem.flux)
+        screen = system.target.screen()
+        target = system.target.irradiance(screen, problem.flux) / screen.projection()
         return LightJudge(unit_mean(target), light, blur)
 
 

@@ -12,15 +12,15 @@ from optics.exchange.results import (
     recorded,
     remove_files,
     require_own,
+    require_places,
     run_lock,
     writable_folder,
-    write_record,
+    write_recorded,
 )
 from optics.interface.sweeps.sweep_rows import Sweep, csv_text, parquet_bytes
 from optics.interface.sweeps.sweep_store import SweepStore, open_store
 from optics.interface.sweeps.sweep_views import contact_sheet, metric_plots, plot_name, sweep_page
 from optics.scene.problem import Problem
-from thbcad.io import write_files
 
 STORE = "sweep.sqlite"
 RECORD = "sweep.json"
@@ -49,6 +49,7 @@ def taken_folder(
     writable_folder(folder)
     try:
         with run_lock(folder, problem.title):
+            require_places(folder, [*FILES, plot_name("any")])
             try:
                 require_own(folder, _replaceable(folder), RECORD, force)
             except UserError as error:
@@ -106,7 +107,6 @@ def write_sweep(sweep: Sweep, title: str) -> None:
     contents |= {plot_name(metric): png for metric, png in plots.items()}
     written = {name: data for name, data in contents.items() if data is not None}
     (folder / "figures").mkdir(exist_ok=True)
-    write_files({folder / name: data for name, data in written.items()})
     earlier = recorded(folder / RECORD).keys() & _replaceable(folder)
+    write_recorded(folder, RECORD, {"schema": "thbcad-sweep-files", "version": 1}, written)
     remove_files(folder, earlier - written.keys())
-    write_record(folder / RECORD, {"schema": "thbcad-sweep-files", "version": 1}, written)

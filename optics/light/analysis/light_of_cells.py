@@ -126,11 +126,13 @@ def grid_irradiance(
         cell_irradiance(path, screen, system.source.cells(grid), backend, FINEST.coarser(COARSER**k))
         for k, grid in enumerate(grids)
     ]
-    images, (fates, *_) = zip(*traced)
+    images, (fates, coarse, _) = zip(*traced)
     ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
     light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(images), ratios))
     error = (light - coarser) / _excess(ratios[0] ** ORDER)
-    return LightEstimate(light, error, fates.on_target, fates.off_target), fates
+    # which is not extrapolated: light keeps its flux
+    off_error = abs(coarse.off_target - fates.off_target) / (ratios[0] - 1)
+    return LightEstimate(light, error, fates.on_target, fates.off_target, off_error), fates
 
 
 def _cells(pixels: int, spans: int) -> int:

@@ -115,7 +115,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rays"] = ray_count(screen)
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
-    metrics["lit_efficiency_error"] = light.lit_error(target > 0, screen.pixel_area) / flux
+    lit_error = max(light.lit_error(target > 0, screen.pixel_area), light.off_error)
+    metrics["lit_efficiency_error"] = lit_error / flux
     # beside the target the light of other ways counts where it is known, however little falls on it
     metrics["stray"] = max(all_light.off_target, 0.0) / flux
     metrics["stray_error"] = all_light.off_error / flux

@@ -6,7 +6,7 @@ its direction alone; what passes beside the lens, or is reflected at its front a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isqrt
 
 import numpy as np
@@ -47,36 +47,32 @@ class OutgoingIntensity:
 def outgoing_intensity(
     system: OpticalSystem, lens: Lens, backend: Backend, count: int, step: float
 ) -> OutgoingIntensity:
-    """Return the intensity of the light behind a lens, by inner reflections and edges too.
+    """Return the intensity of the light behind a lens, by inner reflections and edges too, in all of the
+    source's wavelengths.
 
     That of a plate is as many times that of the source in its middle.
 
-    backend : of double precision.  count : of rays, about.
+    backend : of double precision.  count : of rays of all wavelengths, about.
     step : of gamma, degrees, which divides 180; that of C is twice as large.
     """
     system = system.with_all_sources
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
-    side = isqrt(max(1, count // REPLICATES) - 1) + 1
-    plane = TargetArea.of(
-        system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
-    )
-    solid, total, flux = system.made(lens), [], 0.0
-    for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
-        nodes = np.zeros((grid.turns, grid.tilts + 1))
-        for part in parts:
-            rays = single_rays(part, lens)
-            out = trace_nonsequential(
-                backend,
-                solid,
-                rays,
-                plane,
-                threshold=ROULETTE,
-                roulette=rng,
-            ).departures
-            nodes += grid.flux(out.direction, out.flux)
-            flux += float(out.flux.sum()) / REPLICATES
-        total.append(nodes)
+    lights = system.wavelengths
+    side = isqrt(max(1, count // (REPLICATES * len(lights))) - 1) + 1
+    path = system.path(lens).onto(receiver_at(plane_behind(system, lens)))
+    total, flux = [np.zeros((grid.turns, grid.tilts + 1)) for _ in range(REPLICATES)], 0.0
+    for light in lights:
+        plane = TargetArea.of(path.in_media(light.media), lens.rear.half_width)
+        solid = system.made(replace(lens, index=light.media[1].index) if system.spectral else lens)
+        sets = system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE)
+        for nodes, parts in zip(total, sets):
+            for part in parts:
+                out = trace_nonsequential(
+                    backend, solid, single_rays(part, lens), plane, threshold=ROULETTE, roulette=rng
+                ).departures
+                nodes += light.weight * grid.flux(out.direction, out.flux)
+                flux += light.weight * float(out.flux.sum()) / REPLICATES
     outline = solid.outline if isinstance(solid, Plate) else lens.rear.outline
     hx, hy = outline.half_width
     opening = Opening((2 * hx, 2 * hy), round=outline.is_ellipse)

@@ -73,7 +73,7 @@ class Divergence:
         if self.kind == "lambertian":
             return 1 / (pi * sin(a) ** 2)
         if self.kind == "uniform":
-            return 1 / (2 * pi * (1 - cos(a)))
+            return 1 / (4 * pi * sin(a / 2) ** 2)
         if self.kind == "theta_uniform":
             return np.inf
         if self.kind == "sun":

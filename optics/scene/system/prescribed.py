@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from math import hypot, inf
 
 from optics.base.runtime import UserError
 from optics.scene.materials import Material
 from optics.scene.paths import Medium
 from optics.scene.photometry import Units, units_of
-from optics.scene.problem import FaceMet, Freeform, MirrorElement, Problem
+from optics.scene.problem import FaceMet, Freeform, MirrorElement, Problem, Verify
 from optics.scene.system.elements import clear_aperture_of, freeforms, lens_product, pose_of
 from optics.scene.system.lens_material import indexing_material, media_at
 from optics.scene.system.made_bodies import body_options
+from thbcad.checks import EPS
 from thbcad.lens import Lens, Product
 from thbcad.moulds import BodyOptions
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
+ROUNDINGS = 256  # of the way to the target: two traces of a lens 1 km away are 70 apart
 STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
 
 
@@ -32,6 +35,14 @@ class Prescribed:
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
+
+    @property
+    def traced_within(self) -> Verify:
+        """The limits of `verify`; on the target traces may always be apart by roundings of the way there."""
+        limits, (x, y) = self.problem.verify, self.problem.target.half_width
+        if self.problem.throw == inf:
+            return limits
+        return replace(limits, landing=max(limits.landing, ROUNDINGS * EPS * hypot(self.problem.throw, x, y)))
 
     @cached_property
     def own_faces(self) -> dict[int, FaceMet]:

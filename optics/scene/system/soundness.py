@@ -165,7 +165,7 @@ def advice(system: OpticalSystem) -> list[str]:
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
     thrown = CONIC_SLOPE * system.path(system.lens).lever
-    if bent and not system.target.far_field and thrown > problem.verify.landing:
+    if bent and not system.target.far_field and thrown > system.traced_within.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
             f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "

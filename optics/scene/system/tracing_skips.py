@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from math import erf, exp, pi, sqrt
 
 from optics.scene.problem import Problem
@@ -45,13 +46,16 @@ def skips(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
     """
     rays = _of_rays(problem, source, parallel)
     front, rear = problem.optic.front.freeform, problem.optic.rear.freeform
-    frozen = front is None
+    faces = problem.faces_met
+    kept = list(takewhile(lambda f: getattr(f.optic, f.face).freeform is None, faces))[: len(faces) - 1]
+    frozen, first = bool(kept), faces[0].name if problem.element else "the front"
+    what = ", ".join(face.name for face in kept) if frozen and problem.element else first
     deep = max(f.finest for f in (front, rear) if f is not None) > 0
-    state = "the front has no freeform" if frozen else "the front is free"
+    state = f"{what} {'has' if len(kept) == 1 else 'have'} no freeform" if frozen else f"{first} is free"
     return [
         *rays,
-        Skip("front", "the front in all evaluations but the first", frozen, state),
-        Skip("gradients", "gradients by the front's shape", frozen, state),
+        Skip("front", f"{what} in all evaluations but the first", frozen, state),
+        Skip("gradients", f"gradients by the shape of {what}", frozen, state),
         Skip(
             "levels",
             "knots and levels that no refined cell needs",
