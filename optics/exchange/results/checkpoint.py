@@ -14,7 +14,7 @@ from optics.scene.system import OpticalSystem
 from thbcad.io import sag_from_dict, sag_to_dict, write_text
 
 SCHEMA, VERSION = "thbcad-checkpoint", 4
-MOST = 2.0**63  # no number of a history reaches it
+MOST = 2.0**63  # no whole number of a history reaches it
 DROP = "drop it with --force in place of --resume"
 
 
@@ -71,8 +71,8 @@ def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]
             raise ValueError("moved must be true or false and stage a whole number")
         for row in history:
             numbers = [v for name, v in asdict(row).items() if v is not None or name != "fresh_fit"]
-            if not all(type(v) in (int, float) and abs(v) < MOST for v in numbers):
-                raise ValueError("the history must hold numbers of this size")
+            if not all(type(v) is float or (type(v) is int and abs(v) < MOST) for v in numbers):
+                raise ValueError("the history must hold numbers")
         state = State(moved, stage, tuple(sag_from_dict(sag) for sag in data["sags"]), history)
         notes = [str(sentence) for sentence in data["notes"]]
     except OSError as error:

@@ -11,7 +11,17 @@ import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, measure
-from optics.scene.problem import SUN, MirrorElement, Optic, Problem, Source, base_of, freedom_of, load_problem
+from optics.scene.problem import (
+    SUN,
+    MirrorElement,
+    Optic,
+    Placed,
+    Problem,
+    Source,
+    base_of,
+    freedom_of,
+    load_problem,
+)
 from optics.scene.system import OpticalSystem, index_at, pose_of, solvable_system, source_of
 from thbcad.lens import Lens
 from thbcad.sags import Conic
@@ -116,8 +126,12 @@ def _beam(problem: Problem) -> Source:
 
 
 def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
-    """Return where a lamp stands, by keys: so far before the front vertex, or in the place of the source."""
-    own = problem.source
+    """Return where a lamp stands, by keys: so far before the first vertex that light meets, looking along
+    that element's axis, or in the place of the source."""
+    own, first = problem.source, problem.faces_met[0].optic
+    if found["distance"] and isinstance(first, Placed):
+        before = np.array([[0.0], [0.0], [-_number(found, "distance")]])
+        return {"position": tuple(pose_of(first).points(before)[:, 0].tolist()), "tilt": first.tilt}
     if found["distance"]:
         return {"distance": _number(found, "distance")}
     if source_of(problem).beam or own.others or own.array:

@@ -26,6 +26,7 @@ from optics.scene.sources.profile import Profile
 from thbcad.checks import Floats
 
 LIMB = 0.30, 0.93, -0.23  # of mu^0, mu, mu^2
+SMALLEST = 1e-100  # rad, whose square is a number: light of less is parallel
 FARTHEST = 6.0  # sigmas, to which a Gaussian is cut
 CUT = 89.0  # degrees, to which it is cut too
 WIDEST = radians(CUT)
@@ -70,12 +71,12 @@ class Divergence:
     def brightest(self) -> float:
         """The radiance on the axis times the area over the flux, 1 / sr; inf where it has no bound."""
         a = radians(self.half_angle)
+        if self.kind == "theta_uniform" or a < SMALLEST:
+            return np.inf
         if self.kind == "lambertian":
             return 1 / (pi * sin(a) ** 2)
         if self.kind == "uniform":
             return 1 / (4 * pi * sin(a / 2) ** 2)
-        if self.kind == "theta_uniform":
-            return np.inf
         if self.kind == "sun":
             mean = LIMB[0] + 2 / 3 * LIMB[1] + LIMB[2] / 2  # of L over the disk, over L in its middle
             return 1 / (pi * sin(a) ** 2 * mean)

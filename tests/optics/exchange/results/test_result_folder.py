@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,17 @@ import pytest
 from PIL import Image
 
 from optics.base.runtime import UserError
-from optics.exchange.results import ResultFolder, ResultWriter, write_checkpoint
+from optics.exchange.results import ResultFolder, ResultWriter, recorded, write_checkpoint, write_recorded
 from optics.exchange.results.folder_lock import run_lock
 from optics.exchange.results.identity import _set_keys, run_id
-from optics.exchange.results.owned_files import sha256_of
+from optics.exchange.results.owned_files import BEFORE, foreign, sha256_of
 from optics.exchange.results.result_files import FILES
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import picture, store_result, write_problem
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
+from tests.optics.interface.commands.faulty_disk import FaultyDisk, Killed
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.io import lens_to_dict, read_lens, write_lens
 
@@ -442,3 +444,44 @@ def test_keys_of_materials_at_their_defaults_change_no_run_id(tmp_path):
     assert run_id(named, OpticalSystem(named).lens) == run_id(problem, lens)
     text = _set_keys(problem)
     assert not any(key in text for key in (*keys, "lens.absorption"))
+
+
+def test_what_lies_in_the_place_of_the_figures_folder_is_named(folder, problem):
+    """Before anything is done: the result that lies there stays whole."""
+    for path in (folder.path / "figures").iterdir():
+        path.unlink()
+    (folder.path / "figures").rmdir()
+    (folder.path / "figures").write_text("mine")
+    with pytest.raises(UserError, match="figures is no folder; move it"), folder.taken(problem, force=True):
+        pass
+    assert folder.has_result()
+
+
+def test_files_of_others_beside_an_unfinished_run_over_a_result_are_kept(folder, problem):
+    write_checkpoint(folder.checkpoint, problem, problem, some_state())
+    with folder.taken(problem, force=False):
+        pass
+    (folder.path / "report.html").write_text("my notes")
+    with pytest.raises(UserError, match=r"report.html would be replaced"), folder.taken(problem, force=False):
+        pass
+
+
+@pytest.mark.parametrize("fault", ["SIGKILL", "ENOSPC"])
+def test_files_belong_to_this_program_wherever_their_writing_is_stopped(tmp_path, fault):
+    """Then the same command writes them; what somebody else changes is seen."""
+    names = "a.csv", "b.html"
+
+    def written(text):
+        write_recorded(tmp_path, "record.json", {"of": text}, {name: text.encode() for name in names})
+
+    with FaultyDisk().installed() as disk:
+        written("before")
+    assert disk.count >= 8
+    for at in range(1, disk.count + 1):
+        with FaultyDisk(fault, at).installed(), suppress(Killed, OSError):
+            written(f"after {at}")
+        assert foreign(tmp_path, (*names, "record.json"), "record.json") == []
+    written("last")
+    assert recorded(tmp_path / "record.json", BEFORE) == {}
+    (tmp_path / "b.html").write_text("mine")
+    assert foreign(tmp_path, names, "record.json") == ["b.html"]

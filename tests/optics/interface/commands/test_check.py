@@ -227,3 +227,19 @@ def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(
     found = json.loads(capsys.readouterr().out)
     assert found["etendue_mm2_sr"]["target"] is None
     assert "universal" not in found
+
+
+def test_light_of_a_spectrum_is_foreseen_in_all_its_wavelengths(tmp_path, capsys, coarse_concentration):
+    """Half of it is absorbed by exp(-0.5 d), and none at the wavelength of the design."""
+    absorbing = {
+        "source.spectrum": [[450.0, 1.0], [550.0, 1.0]],
+        "lens.indices": [[450.0, 1.5], [550.0, 1.5]],
+        "lens.absorptions": [[450.0, 0.5], [550.0, 0.0]],
+    }
+    found = []
+    for changes in ({}, absorbing):
+        assert main(["check", str(write_problem(tmp_path, changes)), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["expected"]["efficiency"])
+    thickness = load_problem(tmp_path / "problem.toml").lens.thickness
+    left = (1 + math.exp(-0.5 * thickness)) / 2
+    assert found[1] / found[0] == pytest.approx(left, rel=0.03)  # on the axis: other ways are longer

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 import pytest
 
 from optics.base.runtime import ProcessEnded
-from optics.designing.optimisation import Interrupted
+from optics.designing.optimisation import Interrupted, State
 from optics.interface.commands import main
 from optics.interface.commands.design_command import resuming
 from tests.optics.cases import picture, write_problem
 from tests.optics.exchange.results.cases import some_state
-from tests.optics.interface.commands.cases import command, refused, strict_json
+from tests.optics.interface.commands.cases import QUICK, command, refused, strict_json
 
 LONG = {
     "optimizer.start": "flat",
@@ -134,7 +134,7 @@ def test_a_checkpoint_that_is_none_is_refused(stopped_copy, capsys, text):
 WRONG = [
     *(("stage", v) for v in ("two", None, -1, 1.5, 99, [1])),
     *(("sags", v) for v in (3, {}, [], [3], [{}], None, "x")),
-    *(("history", v) for v in (3, [[0]], [["x"] * 7])),
+    *(("history", v) for v in (3, [[0]], [["x"] * 7], [[10**400, *[0] * 7]])),
     ("version", 2),
     ("version", 3),
     ("moved", "maybe"),
@@ -224,3 +224,45 @@ def test_a_run_that_a_helper_or_the_disk_ends_says_how_it_goes_on(tmp_path, caps
     problem = write_problem(tmp_path, {"optimizer.start": "flat", "optimizer.iterations": [1]})
     assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == code
     assert re.search(r"so far.*; to go on: thbcad design .* --resume\n", capsys.readouterr().err)
+
+
+def test_a_lens_that_is_taken_as_it_is_is_taken_again_after_ctrl_c(golden, tmp_path, capsys, monkeypatch):
+    """Claims go first, so that nothing but a checkpoint says whose files lie there."""
+    problem, out = golden.path / "problem.toml", tmp_path / "out"
+    words = ["design", str(problem), "--lens", str(golden.path / "lens.json"), "--out", str(out)]
+    with monkeypatch.context() as patch:
+        patch.setattr("optics.interface.api.design_files.light_files", interrupted)
+        assert main(words) == 130
+    assert "the same command starts again" in capsys.readouterr().err
+    assert (out / "problem.toml").exists()
+    assert not (out / "result.json").exists()
+    assert main(words) == 0
+    assert not (out / "checkpoint.json").exists()
+
+
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+def test_a_problem_file_with_comments_beside_an_unfinished_run_is_kept(stopped_copy, capsys):
+    problem, out = stopped_copy
+    shutil.copy(problem.parent / "picture.png", out)
+    asked = out / "problem.toml"
+    text = "# mine\n" + problem.read_text()
+    asked.write_text(text)
+    message = refused(capsys, "design", asked, "--out", out, "--resume")
+    assert "without its comments" in message
+    assert asked.read_text() == text
+
+
+def test_a_picture_that_changes_while_a_design_runs_ends_it(tmp_path, capsys, monkeypatch):
+    problem = write_problem(tmp_path, QUICK)
+
+    def shaped(system, *arguments):
+        write_problem(tmp_path, QUICK, image=picture()[::-1].copy())
+        return system.lens, State(False, 0, system.lens.sags)
+
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
+    message = refused(capsys, "design", problem, "--out", tmp_path / "out", "-q")
+    assert "the picture or the rays that the problem names changed while the design ran" in message
+    assert not (tmp_path / "out" / "result.json").exists()

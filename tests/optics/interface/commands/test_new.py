@@ -194,3 +194,9 @@ def test_answers_are_designed_well(source, light, width, tmp_path, capsys):
     few = ("--set", "target.pixels=[64, 64]", "--out", str(tmp_path / "lens"), "--quiet")
     assert main(["design", str(tmp_path / "my.toml"), *few]) == 0
     assert "the lens makes the light asked for" in capsys.readouterr().out
+
+
+def test_without_a_standard_input_the_file_is_printed(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", None)
+    assert main(["new"]) == 0
+    assert capsys.readouterr().out.strip() == commented_problem().strip()

@@ -1,5 +1,6 @@
 """The light behind sliders: against the tolerance code, and against other problems measured afresh."""
 
+import math
 import sys
 from dataclasses import replace
 
@@ -132,3 +133,26 @@ def test_a_design_in_light_of_a_script_is_not_explored(tmp_path):
     own = optics.System(system.problem, source=system.optical.source).optical
     with pytest.raises(UserError, match=r"cannot be explored"):
         optics.Design(asked=system.problem, system=own, lens=own.lens).explore()
+
+
+@pytest.mark.parametrize(
+    "receiver",
+    [
+        {"target.distance": math.inf, "target.half_width": [30.0, 25.0]},
+        {"target.surface": "sphere", "target.radius": -80.0, "target.half_width": [40.0, 30.0]},
+    ],
+    ids=["far field", "sphere"],
+)
+def test_the_target_is_what_a_measurement_compares_with(tmp_path, backend, receiver):
+    """Intensities in the far field, irradiances on a sphere: pixels there differ in size."""
+    system = system_of(tmp_path, receiver)
+    explored = explorer_of(system, backend, pixels=64)({})
+    measured = measure(system, system.lens, backend)
+    wanted = measured.target / measured.target.mean()
+    assert abs(explored.target - wanted).max() < 1e-12 * wanted.max()
+    assert explored.numbers.rel_l2 == pytest.approx(measured.metrics["rel_l2"], abs=0.01)
+
+
+def test_few_pixels_of_a_side_stay_two(tmp_path, backend):
+    system = system_of(tmp_path, {"target.pixels": [64, 2]})
+    assert explorer_of(system, backend, pixels=16)({}).target.shape == (2, 16)

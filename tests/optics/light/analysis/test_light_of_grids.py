@@ -122,3 +122,15 @@ def test_the_floor_is_the_size_of_the_error_of_an_almost_linear_map(tmp_path, ba
     error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
     assert 0.3 < usual.metrics["rel_l2_floor"] / error < 3
     assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4
+
+
+def test_light_beside_the_target_has_the_error_of_its_cells(tmp_path, backend):
+    """Rim cells of a round beam lie across its rim: the finest grid is off by what it tells."""
+    changes = {"source.profile": "round", "target.half_width": [9.0, 7.0]}
+    made = Made(tmp_path, changes, backend, height=0.02)
+    found = measure(made.system, made.lens, backend).metrics
+    _, fine = made.light(1021, 1021)
+    off = abs(found["stray"] - fine.off_target / made.system.problem.flux)
+    assert found["stray_error"] > 0
+    assert off < 3 * found["stray_error"]
+    assert found["lit_efficiency_error"] >= found["stray_error"]

@@ -116,3 +116,22 @@ def test_the_opening_has_the_outline_of_the_lens(tmp_path, backend, outline, is_
     system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.outline": outline})))
     opening = outgoing_intensity(system, system.lens, backend, 1 << 10, 45.0).luminaire.opening
     assert (opening.size, opening.round) == ((20.0, 20.0), is_round)
+
+
+def test_a_plate_absorbs_every_wavelength_by_itself(tmp_path):
+    """Of a beam along the axis t^2 x / (1 - r x) leaves, x = exp(-a d), by front and rear together."""
+    lines = {450.0: (1.53, 0.2, 0.25), 550.0: (1.5, 0.0, 0.25), 650.0: (1.48, 0.1, 0.5)}
+    changes = {
+        "source.spectrum": [[nm, share] for nm, (_, _, share) in lines.items()],
+        "lens.indices": [[nm, index] for nm, (index, _, _) in lines.items()],
+        "lens.absorptions": [[nm, absorption] for nm, (_, absorption, _) in lines.items()],
+        "source.half_width": [3.0, 2.0],
+        **{key: value for key, value in PLATE.items() if key.startswith("lens.")},
+    }
+    system = optics.System(load_problem(write_problem(tmp_path, changes))).optical
+    wanted = 0.0
+    for index, absorption, share in lines.values():
+        r, x = ((index - 1) / (index + 1)) ** 2, np.exp(-absorption * system.lens.thickness)
+        wanted += share * (1 - r) ** 2 * x / (1 - r * x)
+    found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 14, 10.0)
+    assert found.flux == pytest.approx(wanted * system.problem.flux, rel=5e-3)  # roulette: 1.2e-3

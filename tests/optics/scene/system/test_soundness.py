@@ -192,3 +192,14 @@ def test_a_smaller_target_is_proposed_only_where_no_other_place_serves(tmp_path)
     ]
     system = OpticalSystem(load_problem(write_problem(tmp_path, {})))
     assert nearest_geometry(system, lambda other: False) == []
+
+
+def test_traces_may_be_apart_by_roundings_of_the_way_to_a_far_target(tmp_path):
+    """10 km away the last digit of a landing point is 2e-9 mm."""
+    near, far = (
+        OpticalSystem(load_problem(write_problem(tmp_path, {"target.distance": distance}))).traced_within
+        for distance in (300.0, 1e7)
+    )
+    assert near.landing == 1e-8
+    assert 1e-7 < far.landing < 1e-6
+    assert far.irradiance == near.irradiance
