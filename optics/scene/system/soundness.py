@@ -95,8 +95,8 @@ def require_sharp(system: OpticalSystem) -> None:
     if system.blurred and not system.lone_lens and len(system.problem.faces_met) > 1:
         raise UserError(
             "the blur of a diverging beam and of rough surfaces is known of one lens or one mirror, and "
-            f"light meets {', '.join(system.problem.face_names)}: take light without divergence, which the sun "
-            "has, and set every slope_rms to 0"
+            f"light meets {', '.join(system.problem.face_names)}; take a source without "
+            "divergence, which sunlight has, and set every slope_rms to 0"
         )
 
 
