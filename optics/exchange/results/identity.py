@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from optics.exchange.results.owned_files import sha256_of
+from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Export, Problem, Verify
 from thbcad.io import lens_to_dict
 from thbcad.lens import Lens
@@ -85,6 +86,20 @@ def data_of(problem: Problem) -> list[tuple[str, Any, str]]:
     tables = [(name, getattr(problem, name)) for name in DATA]
     named = [(name, table, getattr(table, table.data)) for name, table in tables]
     return [(name, table, path) for name, table, path in named if path]
+
+
+def stored_name(table: str, path: str) -> str:
+    """Return what the file of a table is called in a result folder."""
+    return table + Path(path).suffix.lower()
+
+
+def stored_text(problem: Problem) -> str:
+    """Return the problem file of a result folder, which has the files that it names beside it."""
+    tables = {
+        name: replace(table, **{table.data: stored_name(name, path)})
+        for name, table, path in data_of(problem)
+    }
+    return problem_to_toml(replace(problem, **tables))
 
 
 def _sha256(text: str) -> str:

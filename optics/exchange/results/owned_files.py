@@ -32,16 +32,25 @@ def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
     return {name: sha256_of(folder / name) for name in sorted(names)}
 
 
-def write_recorded(folder: Path, record: str, data: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
+def write_recorded(
+    folder: Path,
+    record: str,
+    data: Mapping[str, Any],
+    contents: Mapping[str, bytes],
+    gone: Iterable[str] = (),
+) -> None:
     """Write files, and the record of them: data, and their hashes.
 
     The record comes first, and holds the hashes of what lay there too until all files are in their places:
     wherever this is stopped, they are files that this program wrote.
+
+    gone : names that only an earlier run had, whose files are removed.
     """
     new = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(contents.items())}
     before = {name: sorted(held) for name, held in _owned(folder / record).items()}
     write_text(folder / record, json_text({**data, HASHES: new, BEFORE: before}))
     write_files({folder / name: content for name, content in contents.items()})
+    remove_files(folder, gone)
     write_text(folder / record, json_text({**data, HASHES: new}))
 
 

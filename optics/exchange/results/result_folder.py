@@ -16,7 +16,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation import Row
 from optics.exchange.results.checkpoint import checkpoint_owner
 from optics.exchange.results.folder_lock import require_no_run, run_lock
-from optics.exchange.results.identity import DATA, differing_keys, fingerprint, run_id
+from optics.exchange.results.identity import DATA, differing_keys, fingerprint, run_id, stored_text
 from optics.exchange.results.owned_files import (
     HASHES,
     LIVE,
@@ -245,7 +245,7 @@ class ResultFolder:
             return
         if self.has_result() and self._is_recorded(self.problem.name):
             return
-        if load_problem(asked).to_toml() != asked.read_text("utf-8"):
+        if stored_text(load_problem(asked)) != asked.read_text("utf-8"):
             raise UserError(
                 f"{asked} would be replaced by the resolved problem, without its comments; choose another "
                 "--out, or replace it with --force"

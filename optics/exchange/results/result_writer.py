@@ -8,16 +8,14 @@ import csv
 import io
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from optics.designing.optimisation import Row
-from optics.exchange.results.identity import data_of, fingerprint, run_id
+from optics.exchange.results.identity import data_of, fingerprint, run_id, stored_name, stored_text
 from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256_of
 from optics.exchange.results.result_files import CLAIMS, RECORD, is_level_file, is_result_file, shape_file
 from optics.exchange.results.result_folder import ResultFolder
-from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from thbcad.io import json_text, lens_to_dict, write_bytes, write_lens, write_text
@@ -41,12 +39,9 @@ class ResultWriter:
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
         # the resolved problem with its files, so that it can be run again
-        names: dict[str, Any] = {}
-        for table, part, path in data_of(problem):
-            name = table + Path(path).suffix.lower()
-            names[table] = replace(part, **{part.data: name})
-            self.write(name, Path(path).read_bytes())
-        self.problem_text = problem_to_toml(replace(problem, **names))
+        for table, _, path in data_of(problem):
+            self.write(stored_name(table, path), Path(path).read_bytes())
+        self.problem_text = stored_text(problem)
         self.write("problem.toml", self.problem_text.encode())
         write_lens(lens, folder.lens)
         self._written.add(folder.lens.name)

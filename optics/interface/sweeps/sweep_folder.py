@@ -10,7 +10,6 @@ from optics.base.runtime import UserError
 from optics.exchange.results import (
     fingerprint,
     recorded,
-    remove_files,
     require_own,
     require_places,
     run_lock,
@@ -108,5 +107,5 @@ def write_sweep(sweep: Sweep, title: str) -> None:
     written = {name: data for name, data in contents.items() if data is not None}
     (folder / "figures").mkdir(exist_ok=True)
     earlier = recorded(folder / RECORD).keys() & _replaceable(folder)
-    write_recorded(folder, RECORD, {"schema": "thbcad-sweep-files", "version": 1}, written)
-    remove_files(folder, earlier - written.keys())
+    data = {"schema": "thbcad-sweep-files", "version": 1}
+    write_recorded(folder, RECORD, data, written, earlier - written.keys())

@@ -485,3 +485,12 @@ def test_files_belong_to_this_program_wherever_their_writing_is_stopped(tmp_path
     assert recorded(tmp_path / "record.json", BEFORE) == {}
     (tmp_path / "b.html").write_text("mine")
     assert foreign(tmp_path, names, "record.json") == ["b.html"]
+
+
+def test_the_problem_file_of_a_stopped_run_is_its_own_and_one_with_comments_is_not(folder):
+    """The record is gone, as behind a run that was stopped while it wrote."""
+    (folder.path / "result.json").unlink()
+    folder.require_kept(folder.problem)
+    folder.problem.write_text("# mine\n" + folder.problem.read_text("utf-8"), "utf-8")
+    with pytest.raises(UserError, match="without its comments"):
+        folder.require_kept(folder.problem)
