@@ -6,7 +6,7 @@ import pytest
 
 from optics.exchange.results import beside
 from optics.interface.commands import main
-from optics.interface.relighting.other_light import other_source
+from optics.interface.relighting import other_source
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result

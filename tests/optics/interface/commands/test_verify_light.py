@@ -104,10 +104,10 @@ def test_a_check_that_breaks_is_no_bad_input(capsys, result, monkeypatch, argume
 
 @pytest.mark.slow
 def test_a_full_disk_is_not_a_file_that_cannot_be_read(capsys, result, monkeypatch):
-    def full(path, content):
-        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+    def full(contents):
+        raise OSError(errno.ENOSPC, "No space left on device", str(next(iter(contents))))
 
-    monkeypatch.setattr("optics.interface.commands.verify_command.write_bytes", full)
+    monkeypatch.setattr("optics.exchange.results.owned_files.write_files", full)
     words = ["--light", "occt", "--rays", "1000", "--no-optiland", "--quiet"]
     message = refused(capsys, "verify", result, *words)
     assert "cannot write or read" in message
