@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         sha256_of,
         writable_folder,
         write_live_page,
-        write_record,
         write_recorded,
     )
     from .result_files import SCENE, beside, level_files, shape_file

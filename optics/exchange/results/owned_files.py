@@ -54,11 +54,6 @@ def write_recorded(
     write_text(folder / record, json_text({**data, HASHES: new}))
 
 
-def write_record(path: Path, data: Mapping[str, Any], names: Iterable[str]) -> None:
-    """Write a record: data, and the hashes of the files beside it that it speaks of."""
-    write_text(path, json_text({**data, HASHES: hashes(path.parent, names)}))
-
-
 def recorded(record: Path, key: str = HASHES) -> dict[str, Any]:
     """Return the hashes that a record holds, none where there is no record."""
     try:

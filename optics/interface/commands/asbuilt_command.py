@@ -5,17 +5,18 @@ from __future__ import annotations
 from argparse import Namespace
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from optics.base.runtime import NumericalError
-from optics.exchange.results import beside, remove_files, require_own, writable_folder, write_record
+from optics.exchange.results import beside, require_own, writable_folder, write_recorded
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.analysis import loss_notes
 from optics.scene.system import designed_part
 from optics.tolerancing.metrology import FileFrame, Way, as_built_data, as_built_lines
-from thbcad.io import write_files, write_lens
+from thbcad.io import json_text, lens_to_dict
 
 RECORD = "asbuilt.json"
 FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
@@ -47,22 +48,22 @@ def asbuilt(options: Namespace) -> Outcome:
         "irradiance.npz": packed.getvalue(),
         "light.png": made_light_figure(built, design.system.target.screen()),
         "errors.png": height_error_figure(built),
+        "lens.json": json_text(lens_to_dict(built.lens)).encode(),
     }
-    write_lens(built.lens, folder / "lens.json")
-    write_files({folder / name: content for name, content in contents.items()})
-    remove_files(folder, [STEP])
     if options.step:
         from optics.exchange.verification import export_step  # OCCT
 
         part = designed_part(design.system, built.lens)
-        for check in export_step(part, design.problem.export.schema, folder / STEP):
-            if not check.ok:
-                raise NumericalError(f"{folder / STEP}: {check.name}; is the disk sound? Run it again")
+        with TemporaryDirectory() as staged:
+            path = Path(staged) / STEP
+            for check in export_step(part, design.problem.export.schema, path):
+                if not check.ok:
+                    raise NumericalError(f"{folder / STEP}: {check.name}; is the disk sound? Run it again")
+            contents[STEP] = path.read_bytes()
 
     notes = [*beside(design.problem), *loss_notes(made.metrics, design.system.units)]
     verdict = built.verdict(design.problem.verify, notes)
     data = as_built_data(built) | verdict.data()
-    files = (*FILES, STEP) if options.step else FILES
-    write_record(folder / RECORD, data, files)
+    write_recorded(folder, RECORD, data, contents, {STEP} - contents.keys())
     lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
     return Outcome(data, lines, OF_GRADES[verdict.grade])

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +11,16 @@ import pytest
 from PIL import Image
 
 from optics.base.runtime import UserError
-from optics.exchange.results import ResultFolder, ResultWriter, recorded, write_checkpoint, write_recorded
+from optics.exchange.results import ResultFolder, ResultWriter, write_checkpoint
 from optics.exchange.results.folder_lock import run_lock
 from optics.exchange.results.identity import _set_keys, run_id
-from optics.exchange.results.owned_files import BEFORE, foreign, sha256_of
+from optics.exchange.results.owned_files import sha256_of
 from optics.exchange.results.result_files import FILES
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
 from tests.optics.cases import picture, store_result, write_problem
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
-from tests.optics.interface.commands.faulty_disk import FaultyDisk, Killed
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.io import lens_to_dict, read_lens, write_lens
 
@@ -464,27 +462,6 @@ def test_files_of_others_beside_an_unfinished_run_over_a_result_are_kept(folder,
     (folder.path / "report.html").write_text("my notes")
     with pytest.raises(UserError, match=r"report.html would be replaced"), folder.taken(problem, force=False):
         pass
-
-
-@pytest.mark.parametrize("fault", ["SIGKILL", "ENOSPC"])
-def test_files_belong_to_this_program_wherever_their_writing_is_stopped(tmp_path, fault):
-    """Then the same command writes them; what somebody else changes is seen."""
-    names = "a.csv", "b.html"
-
-    def written(text):
-        write_recorded(tmp_path, "record.json", {"of": text}, {name: text.encode() for name in names})
-
-    with FaultyDisk().installed() as disk:
-        written("before")
-    assert disk.count >= 8
-    for at in range(1, disk.count + 1):
-        with FaultyDisk(fault, at).installed(), suppress(Killed, OSError):
-            written(f"after {at}")
-        assert foreign(tmp_path, (*names, "record.json"), "record.json") == []
-    written("last")
-    assert recorded(tmp_path / "record.json", BEFORE) == {}
-    (tmp_path / "b.html").write_text("mine")
-    assert foreign(tmp_path, names, "record.json") == ["b.html"]
 
 
 def test_the_problem_file_of_a_stopped_run_is_its_own_and_one_with_comments_is_not(folder):
