@@ -28,7 +28,6 @@ from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
-from thbcad.moulds import Solid
 
 NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
@@ -69,51 +68,42 @@ def nonsequential_light(
     images: list[tuple[Floats, float, float]] = []
     fates: list[Fates] = []
     within: list[Branches] = []
-    solid = system.solid(lens)
+    solid, plane = system.solid(lens), TargetArea.of(system.own_path(lens), screen.half_width)
 
     def trace(count: int) -> OtherLight:
-        for _ in range(count):
-            image, by_fate, direct, onto_rear = _replicate(system, lens, solid, screen, rng, backend)
-            images.append((image, by_fate.onto - direct.on_target, by_fate.beside - direct.off_target))
+        """All at once: most generations of branches are few, and cost what they cost by their number."""
+        parts = [system.own_rays(system.source.rays(RAYS, rng), lens) for _ in range(count)]
+        every = trace_nonsequential(
+            backend, solid, Rays.joined(parts), plane, threshold=ROULETTE, roulette=rng
+        )
+        through, ends = np.isin(every.fate, THROUGH), np.cumsum([0, *(part.flux.size for part in parts)])
+        for rays, first, stop in zip(parts, ends, ends[1:]):
+            image, direct = _through_front_and_rear(system, lens, screen, rays, backend)
+            own = through & (first <= every.ray) & (every.ray < stop)
+            image = screen.binned(every.landings.points[own], every.landings.flux[own]) - image
+            by_fate = Fates(*every.by_ray[:, first:stop].sum(axis=1).tolist())
+            ways = by_fate.onto - direct.on_target, by_fate.beside - direct.off_target
+            images.append((image / screen.pixel_area, *ways))
             fates.append(by_fate)
-            within.append(onto_rear)
+        within.append(every.onto_rear)
         light = LightEstimate.of_replicates(images)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
         share = light.on_target / mean.onto if mean.onto else 0.0
         last = sum(within[1:], start=within[0])
-        rays = Rays(last.origin, last.direction, last.flux / len(within)) if last.flux.size else None
-        return OtherLight(light, mean, share, rays)
+        onto_rear = Rays(last.origin, last.direction, last.flux / len(fates)) if last.flux.size else None
+        return OtherLight(light, mean, share, onto_rear)
 
-    pilot = trace(PILOT)
-    return pilot if pilot.negligible else trace((replicates or REPLICATES) - PILOT)
+    pilot, more = trace(PILOT), (replicates or REPLICATES) - PILOT
+    return trace(more) if more and not pilot.negligible else pilot
 
 
-def _replicate(
-    system: OpticalSystem,
-    lens: Lens,
-    solid: Solid,
-    screen: Screen,
-    rng: np.random.Generator,
-    backend: Backend,
-) -> tuple[Floats, Fates, SequentialFates, Branches]:
-    """Return (image of all ways less that of front and rear, fates of all ways, and of front and rear,
-    branches of other ways before they leave by the rear)."""
-    rays, path = system.own_rays(system.source.rays(RAYS, rng), lens), system.own_path(lens)
-    plane = TargetArea.of(path, screen.half_width)
-    every = trace_nonsequential(
-        backend,
-        solid,
-        rays,
-        plane,
-        threshold=ROULETTE,
-        roulette=rng,
-    )
-    tracer = Tracer(backend, path, rays)
+def _through_front_and_rear(
+    system: OpticalSystem, lens: Lens, screen: Screen, rays: Rays, backend: Backend
+) -> tuple[Floats, SequentialFates]:
+    """Return the flux in the pixels by the direct way, W, and its fates."""
+    tracer = Tracer(backend, system.own_path(lens), rays)
     with backend.dr.suspend_grad():
         _, landing = tracer.trace()
         direct = tracer.fates(landing, screen.half_width)
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
-    through = np.isin(every.fate, THROUGH)
-    image = screen.binned(every.landings.points[through], every.landings.flux[through])
-    image -= screen.binned(points, landing.flux.numpy())
-    return image / screen.pixel_area, every.fates, direct, every.onto_rear
+    return screen.binned(points, landing.flux.numpy()), direct

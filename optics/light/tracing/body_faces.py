@@ -31,6 +31,10 @@ FAR = 1e3  # of an outline, and so far beyond: where lines that leave it nowhere
 class Face(Protocol):
     """A face of a closed body."""
 
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path, mm, before which no ray meets the face; inf where it misses it for certain."""
+        ...
+
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the face."""
         ...
@@ -147,13 +151,20 @@ class DraftedFace:
         self._side, self._sign = opaque(self.wall.side), opaque(1.0 if self.within else -1.0)
         self._end = None if self.land is None else opaque(self.land)
 
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr, Float = self.region.backend.dr, self.region.backend.Float
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path at which rays meet the endless wall; inf where they do not."""
+        dr = self.region.backend.dr
         start, stop = self.region.interval(rays)
         t = dr.select(rays.inside == self.within, stop, start)
         found = (start <= stop) & (t >= -self._near) & dr.isfinite(t)
-        t = dr.maximum(dr.select(found, t, 0), 0)
+        return dr.select(found, dr.maximum(t, 0), dr.inf)
+
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
+        dr, Float = self.region.backend.dr, self.region.backend.Float
+        reach = self.reach(rays)
+        found = dr.isfinite(reach)
+        t = dr.select(found, reach, 0)
         x, y, z = rays.at(t)
         found &= self._side * (z - self._level) >= -self._near
         end = self._end
@@ -183,13 +194,20 @@ class LandFace:
         self._near, self._level = opaque(START * self.size), opaque(self.level)
         self._outward = opaque(self.outward)
 
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr, Float = self.outer.backend.dr, self.outer.backend.Float
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path at which rays meet the endless plane; inf where they do not."""
+        dr = self.outer.backend.dr
         speed = rays.direction[2]
         t = (self._level - rays.origin[2]) / speed
         found = (speed != 0) & ((self._outward * speed > 0) == rays.inside) & (t >= -self._near)
-        t = dr.maximum(dr.select(found, t, 0), 0)
+        return dr.select(found, dr.maximum(t, 0), dr.inf)
+
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
+        dr, Float = self.outer.backend.dr, self.outer.backend.Float
+        reach = self.reach(rays)
+        found = dr.isfinite(reach)
+        t = dr.select(found, reach, 0)
         x, y, _ = rays.at(t)
         point = x, y, self._level
         found &= self.outer.holds(point) & ~self.hole.holds(point)
@@ -229,6 +247,10 @@ class PartOfPlane:
     backend: Backend
     face: Face
     holds: Callable[[Jet], DrArray]
+
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path before which no ray meets the face."""
+        return self.face.reach(rays)
 
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the face."""

@@ -157,18 +157,26 @@ class ClosedLens:
 
     def _first(self, rays: DeviceRays, faces: Iterable[Face]) -> tuple[DrArray, ...]:
         """Return the path to what rays meet first of front, rear and edges, the normal there, which of them
-        it is, and from where on that is in doubt."""
+        it is, and from where on that is in doubt.
+
+        A face is looked at along the rays that may meet it before the faces that were looked at already.
+        """
         backend, dr = self._backend, self._backend.dr
-        path, nx, ny, nz = (backend.Float(a) for a in (dr.inf, 0, 0, 0))
-        face, doubt = backend.Float(NEVER), backend.Float(dr.inf)
+        n = dr.width(rays.origin)
+        path, nx, ny, nz = (dr.full(backend.Float, a, n) for a in (dr.inf, 0, 0, 0))
+        face, doubt = dr.full(backend.Float, NEVER, n), dr.full(backend.Float, dr.inf, n)
         for kind, one in zip(chain((FRONT, REAR), repeat(EDGE)), faces):
-            meeting = one.meet(rays)
-            first = meeting.path < path
-            path = dr.select(first, meeting.path, path)
-            face = dr.select(first, float(kind), face)
-            nx, ny, nz = (dr.select(first, a, b) for a, b in zip(meeting.normal, (nx, ny, nz)))
-            doubt = dr.minimum(doubt, meeting.doubt)
-            dr.eval(path, (nx, ny, nz), face, doubt)
+            chosen = dr.compress(one.reach(rays) < path)
+            if not len(chosen):
+                continue
+            meeting = one.meet(_gathered(backend, rays, chosen))
+            first = meeting.path < dr.gather(backend.Float, path, chosen)
+            values = (meeting.path, *meeting.normal, float(kind))
+            for row, value in zip((path, nx, ny, nz, face), values):
+                dr.scatter(row, backend.Float(value), chosen, first)
+            doubtful = dr.minimum(dr.gather(backend.Float, doubt, chosen), meeting.doubt)
+            dr.scatter(doubt, doubtful, chosen)
+            dr.eval(path, nx, ny, nz, face, doubt)
         return path, nx, ny, nz, face, doubt
 
     def _first_of_plate(self, branches: Branches) -> Floats:
@@ -181,7 +189,7 @@ class ClosedLens:
             if not reached.size:
                 continue
             first = self._first(self._rays(branches[reached], part.shift), part.faces)
-            rows = np.array([np.broadcast_to(row.numpy(), reached.shape) for row in first])
+            rows = np.array([row.numpy() for row in first])
             optical = (rows[4] == FRONT) | (rows[4] == REAR)
             if part is self._plate[-1]:
                 rows[4, optical] = EDGE  # of the land
@@ -207,6 +215,16 @@ class ClosedLens:
         length = self._backend.dr.sqrt(sum(a * a for a in vector))
         x, y, z = (a / length for a in vector)
         return x, y, z
+
+
+def _gathered(backend: Backend, rays: DeviceRays, chosen: DrArray) -> DeviceRays:
+    """Return the rays of these numbers, without their flux."""
+    dr = backend.dr
+    (ox, oy, oz), (dx, dy, dz) = (
+        [dr.gather(backend.Float, a, chosen) for a in vector] for vector in (rays.origin, rays.direction)
+    )
+    inside = dr.gather(backend.Float, dr.select(rays.inside, backend.Float(1), 0), chosen) > 0
+    return DeviceRays((ox, oy, oz), (dx, dy, dz), inside=inside)
 
 
 def _rows(vector: Vector) -> Floats:

@@ -68,6 +68,12 @@ class GraphFace:
         self._per_cell = [opaque(1 / c) for c in self.cell]
         self._near, self._resolution = opaque(START * self.size), opaque(2.0**-51 * self.size)
 
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path at which rays come into the domain; inf where they do not."""
+        dr = self.backend.dr
+        start, stop = self._interval(rays)
+        return dr.select(start <= stop, start, dr.inf)
+
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the face."""
         dr = self.backend.dr

@@ -39,14 +39,21 @@ class WallFace:
     def __post_init__(self) -> None:
         self._sign, self._half = map(self.backend.opaque, (self.sign, self.half_width))
 
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr, Float = self.backend.dr, self.backend.Float
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path at which rays meet the endless plane; inf where they do not."""
+        dr = self.backend.dr
         speed = self._sign * rays.direction[self.axis]
         t = (self._half - self._sign * rays.origin[self.axis]) / speed
         start = -START * self.half_width
         found = ((speed > 0) == rays.inside) & (speed != 0) & (t >= start)
-        t = dr.maximum(t, 0)
+        return dr.select(found, dr.maximum(t, 0), dr.inf)
+
+    def meet(self, rays: DeviceRays) -> Meeting:
+        """Return the Meeting of rays with the face."""
+        dr, Float = self.backend.dr, self.backend.Float
+        reach = self.reach(rays)
+        found = dr.isfinite(reach)
+        t = dr.select(found, reach, 0)
         x, y, z = rays.at(t)
         if self.axis == 0:
             x = self._sign * self._half

@@ -57,7 +57,34 @@ class RuledWall:
         self._per_step = opaque(1 / min(STEP, *(c / 2 for c in cells)))
         self._half_widths = [[opaque(h) for h in s.half_width] for s in surfaces]
         self._near, self._reach = opaque(near), opaque(reach)
+        # of equal relative corners: all rulings lie between them, with room for rounding
+        ends = zip((min, max), (1 - MARGIN, 1 + MARGIN))
+        widths = list(zip(*(outline.half_width for outline in outlines)))
+        self._plan = [outlines[0].scaled([f * end(pair) for pair in widths]) for end, f in ends]
+        low, high = min(s.low for s in surfaces), max(s.high for s in surfaces)
+        self._ends = opaque(low - MARGIN * (high - low)), opaque(high + MARGIN * (high - low))
         self._roots = ON_CYLINDER if outlines[0] == outlines[1] else ROOTS
+
+    def reach(self, rays: DeviceRays) -> DrArray:
+        """Return the path at which rays come into what holds the wall: between the lesser and the greater
+        half-widths, lowest and highest points; inf where they do not."""
+        dr, inf = self.backend.dr, self.backend.Float(self.backend.dr.inf)
+        (ox, oy, oz), (dx, dy, dz) = rays.origin, rays.direction
+        (begins, ends), (enters, leaves) = (
+            chord(self.backend, outline, (ox, oy), (dx, dy)) for outline in self._plan
+        )
+        at = [(z - oz) / dz for z in self._ends]
+        level = (oz >= self._ends[0]) & (oz <= self._ends[1])
+        low = dr.select(dz == 0, dr.select(level, 0, inf), dr.maximum(dr.minimum(*at), 0))
+        high = dr.select(dz == 0, inf, dr.maximum(*at))
+        inside, reach = begins <= ends, inf
+        for start, stop in (
+            (dr.select(inside, ends, enters), leaves),
+            (enters, dr.select(inside, begins, leaves)),
+        ):
+            start = dr.maximum(start, low)
+            reach = dr.select(start <= dr.minimum(stop, high), start, reach)
+        return dr.select(enters <= leaves, reach, inf)
 
     def meet(self, rays: DeviceRays) -> Meeting:
         """Return the Meeting of rays with the wall."""

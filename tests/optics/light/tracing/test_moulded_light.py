@@ -1,10 +1,16 @@
 """The light of lenses with outlines and of bodies for a mould, against all branches through the faces of
 their STEP files by OCCT, walls included."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from optics.light.intersections import DeviceRays
 from optics.light.tracing import FATES, TargetArea, trace_nonsequential
+from optics.light.tracing.body_faces import body_faces, plate_faces
+from optics.light.tracing.branches import EDGE, FRONT, REAR, Branches, ClosedLens, split
+from optics.light.tracing.lens_faces import lens_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from oracles.step_branches import file_branches
@@ -135,3 +141,47 @@ def test_every_branch_through_a_plate_is_that_of_the_file(backend, tmp_path, nam
     rays = rays_around(RAYS, 25.0)
     fates = compared(backend, plate, rays, tmp_path / "s.step", within=5e-6).fates
     assert min(fates.crosstalk, fates.edges_on_target + fates.edges_off_target, fates.back) > 1
+
+
+SOLIDS = {
+    **{name: lambda size=size: lens_of(*size) for name, size in LENSES.items()},
+    "walls": lambda: lens_of(10.0, 10.0, 0.0),
+    "slanted walls": lambda: lens_of(8.0, 10.0, 0.0),
+    **{
+        name: lambda case=case: body_of(*case[:3], **case[3])
+        for name, case in BODIES.items()
+        if name in ("dome, land at the rim", "larger front", "rounded")
+    },
+    "plate": lambda: Plate.of(lens_of(7.0, 10.0, 0.0), (2, 1), (20.7, 20.7)),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_no_ray_meets_a_face_before_it_can_reach_it(backend, name):
+    """Rays from everywhere in air and glass, along axes too, and branches that start on faces."""
+    dr, solid = backend.dr, SOLIDS[name]()
+    if isinstance(solid, Plate):
+        faces = [face for part in plate_faces(backend, solid) for face in part.faces]
+    else:
+        faces = (body_faces if isinstance(solid, MouldedBody) else lens_faces)(backend, solid)
+    rng = np.random.default_rng(3)
+    origin, direction = rng.uniform(-12, 12, (3, 4000)), rng.normal(size=(3, 4000))
+    direction[:2, :400], direction[2, 400:800] = 0.0, 0.0
+    direction /= np.linalg.norm(direction, axis=0)
+    sets = [replace(Branches.start(Rays(origin, direction, np.ones(4000))), inside=rng.random(4000) < 0.5)]
+    branches, closed = Branches.start(rays_around(500)), ClosedLens(backend, solid)
+    for _ in range(4):
+        meetings = closed.meet(branches)
+        met = np.isin(meetings.face, (FRONT, REAR, EDGE))
+        refracted, reflected = split(branches[met], meetings[met])
+        branches = refracted[meetings.transmittance[met] > 0] + reflected
+        sets.append(branches)
+    found = 0
+    for branches in sets:
+        vectors = ([backend.array(a) for a in v] for v in (branches.origin, branches.direction))
+        rays = DeviceRays(*map(tuple, vectors), inside=backend.array(branches.inside) > 0)
+        for face in faces:
+            meeting, reach = face.meet(rays), face.reach(rays)
+            assert dr.all((reach <= meeting.path) & (reach <= meeting.doubt))
+            found += dr.count(dr.isfinite(meeting.path))
+    assert found > 2000
