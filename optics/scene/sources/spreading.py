@@ -121,7 +121,11 @@ def mirror_half(rays: Rays, axes: Sequence[int]) -> Rays:
 
 def mirror_images(vectors: Floats) -> Floats:
     """Return vectors (3, n) and their mirror images in x and in y, (3, 4 n)."""
-    return np.concatenate([vectors * [[i], [j], [1.0]] for i, j in MIRRORS], axis=1)
+    images = np.empty((3, len(MIRRORS), vectors.shape[1]))
+    for k, (i, j) in enumerate(MIRRORS):
+        for image, row, sign in zip(images[:, k], vectors, (i, j, 1.0)):
+            np.multiply(row, sign, out=image)
+    return images.reshape(3, -1)
 
 
 def concentric(a: Floats, b: Floats) -> tuple[Floats, Floats]:
