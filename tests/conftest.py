@@ -48,8 +48,12 @@ def narrow_kernels():
 
 
 def pytest_configure():
-    """Dr.Jit takes an LLVM when it is imported, as tests that need Mitsuba do while they are collected."""
+    """Dr.Jit takes an LLVM when it is imported, as tests that need Mitsuba do while they are collected.
+
+    Files are not forced to the disk: no test loses power, and each would wait some milliseconds.
+    """
     load_llvm()
+    os.fsync = lambda _: None
 
 
 @pytest.hookimpl(tryfirst=True)
