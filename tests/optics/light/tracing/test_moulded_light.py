@@ -156,6 +156,7 @@ SOLIDS = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", SOLIDS)
 def test_no_ray_meets_a_face_before_it_can_reach_it(backend, name):
     """Rays from everywhere in air and glass, along axes too, and branches that start on faces."""
