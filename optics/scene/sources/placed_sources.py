@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import acos, degrees, isqrt
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from optics.scene.sources.cells import SourceCells
-from optics.scene.sources.divergence import Divergence
 from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair
-from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import RayGrid, Rays
 from thbcad.certified import Stack, supports_of
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 
 LEAST = 2  # rays each way of a source, however little of the light is its own
+
+
+def _of_source(name: str) -> Any:
+    """Return a property that is the one of the own source."""
+    return property(attrgetter(f"source.{name}"))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,49 +35,22 @@ class PlacedSource(LightSource):
     source: LightSource
     pose: Pose
 
-    @property
-    def spread(self) -> Divergence:
-        return self.source.spread
-
-    @property
-    def extended(self) -> bool:
-        return self.source.extended
-
-    @property
-    def beam(self) -> bool:
-        return self.source.beam
-
-    @property
-    def by_rays(self) -> bool:  # type: ignore[override]
-        return self.source.by_rays
-
-    @property
-    def scalable(self) -> bool:  # type: ignore[override]
-        return self.source.scalable
-
-    @property
-    def emitter(self) -> bool:  # type: ignore[override]
-        return self.source.emitter
-
-    @property
-    def told(self) -> Mapping[str, object]:
-        return self.source.told
+    spread = _of_source("spread")
+    extended = _of_source("extended")
+    beam = _of_source("beam")
+    by_rays = _of_source("by_rays")
+    scalable = _of_source("scalable")
+    emitter = _of_source("emitter")
+    told = _of_source("told")
+    etendue = _of_source("etendue")
+    profile = _of_source("profile")
+    image = _of_source("image")
+    cone = _of_source("cone")
+    assumed = _of_source("assumed")
 
     @property
     def symmetric(self) -> bool:
         return False
-
-    @property
-    def etendue(self) -> float:
-        return self.source.etendue
-
-    @property
-    def profile(self) -> Profile:
-        return self.source.profile
-
-    @property
-    def image(self) -> tuple[Profile, tuple[float, float]]:
-        return self.source.image
 
     @property
     def frame(self) -> Pose:
@@ -82,14 +60,6 @@ class PlacedSource(LightSource):
     def middle(self) -> tuple[float, float, float]:
         x, y, z = self.pose.points(np.array(self.source.middle)).tolist()
         return x, y, z
-
-    @property
-    def cone(self) -> float:
-        return self.source.cone
-
-    @property
-    def assumed(self) -> list[str]:
-        return self.source.assumed
 
     @property
     def corners(self) -> Floats:
