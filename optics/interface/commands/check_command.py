@@ -27,7 +27,7 @@ from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
 from optics.scene.keys import AUTO
 from optics.scene.limits import position
-from optics.scene.system import OpticalSystem, advice, skip_lines
+from optics.scene.system import OpticalSystem, advice
 
 SMALL = 1.0  # mm: lenses and targets of less may have been given in metres
 
@@ -62,7 +62,7 @@ def check(options: Namespace) -> Outcome:
             for s in plan
         ]
         if options.explain:
-            lines += skip_lines(system.skips)
+            lines += [skip.line for skip in system.skips]
         if limits is not None:
             data["blur"] = asdict(limits)
             lines.append(f"blur: {blur_sentence(system, limits)}")

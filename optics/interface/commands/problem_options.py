@@ -11,7 +11,7 @@ from optics.base.runtime import UserError, printable, require_file_name, speakin
 from optics.exchange.results import require_writable
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, load_system, skip_lines
+from optics.scene.system import OpticalSystem, load_system
 
 
 def changes_of(options: Namespace) -> dict[str, Any]:
@@ -29,8 +29,8 @@ def system_of(options: Namespace) -> OpticalSystem:
     """Return the OpticalSystem of the problem file and its changes; --verbose says what tracing skips."""
     system = load_system(options.problem, changes_of(options))
     if options.verbose:
-        for line in skip_lines(system.skips):
-            print(f"thbcad: {printable(line)}", file=sys.stderr)
+        for skip in system.skips:
+            print(f"thbcad: {printable(skip.line)}", file=sys.stderr)
     return system
 
 

@@ -20,6 +20,5 @@ if TYPE_CHECKING:
     from optics.scene.system.soundness import advice, load_system, solvable_system
     from optics.scene.system.source import Own, source_frames, source_of
     from optics.scene.system.target import LightTarget, target_irradiance
-    from optics.scene.system.tracing_skips import skip_lines
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from math import erf, exp, pi, sqrt
@@ -32,7 +31,7 @@ class Skip:
 
     @property
     def line(self) -> str:
-        """One line of text."""
+        """The line that `thbcad check --explain` prints."""
         if not self.applies:
             return f"does not skip {self.what}: {self.why}"
         change = "" if self.tolerance is None else f" (changes less than {self.tolerance:.1g})"
@@ -86,11 +85,6 @@ def skips(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:
             "lens, screen and weights come to them as data, not as constants",
         ),
     ]
-
-
-def skip_lines(parts: Sequence[Skip]) -> list[str]:
-    """Return the lines that `thbcad check` prints."""
-    return [skip.line for skip in parts]
 
 
 def _of_rays(problem: Problem, source: LightSource, parallel: bool) -> list[Skip]:

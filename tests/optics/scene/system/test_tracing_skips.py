@@ -11,7 +11,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow, GaussianWindow
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
-from optics.scene.system.tracing_skips import gaussian_tail, skip_lines
+from optics.scene.system.tracing_skips import gaussian_tail
 from oracles.light_formulas import window_value
 from tests.optics.cases import rough, target_z, tracer_to
 
@@ -55,7 +55,7 @@ def test_skips_are_decided_by_the_problem(case):
     assert {s.name for s in found if s.applies} == applying
     assert len({s.name for s in found}) == len(found) == 14
     assert not NEVER & {s.name for s in found if s.applies}
-    assert [line.startswith("skips ") for line in skip_lines(found)] == [s.applies for s in found]
+    assert [s.line.startswith("skips ") for s in found] == [s.applies for s in found]
 
 
 def test_the_tracer_leaves_out_what_is_listed(backend, case):
