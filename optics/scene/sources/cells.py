@@ -14,6 +14,8 @@ from optics.scene.sources.rays import BEFORE, RayGrid, Rays
 from optics.scene.sources.spreading import concentric
 from thbcad.checks import Floats
 
+AXIS = 0.0, 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class SourceCells:
@@ -71,27 +73,17 @@ def beam_cells(
     aperture: Sequence[float],
     counts: Sequence[int],
     profile: Profile = UNIFORM,
-    centre: Sequence[float] = (0.0, 0.0),
+    centre: Sequence[float] = AXIS,
 ) -> SourceCells:
     """Return the cells of a beam along +z, as far as it meets an aperture; s and t are x and y in mm.
 
     half_width : of the source, mm.  aperture, centre : as of `lit_part`, mm.  counts : (nx, ny) cells.
     """
     middles, lit = lit_part(half_width, aperture, centre)
-    x, y = (m + h * (2 * np.arange(n + 1) / n - 1) for m, h, n in zip(middles, lit, counts))
-    emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
-    missed = flux - float(emitted.sum()) if lit != list(half_width) else 0.0
-
-    before = BEFORE * 2 * max(aperture)
-
-    def at(x: Floats, y: Floats, flux: Floats) -> Rays:
-        along = np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)])
-        return Rays(np.stack([x, y, np.full_like(x, -before)]), along, flux)
-
-    def density(x: Floats, y: Floats) -> Floats:
-        return profile(x / half_width[0], y / half_width[1])
-
-    return SourceCells(x, y, emitted, at, density, parallel=True, missed=missed)
+    before, along = BEFORE * 2 * max(aperture), np.array([0.0, 0.0, 1.0])
+    cells = tilted_cells(half_width, before, flux, along, counts, profile, (middles, lit))
+    missed = flux - float(cells.emitted.sum()) if lit != list(half_width) else 0.0
+    return replace(cells, parallel=True, missed=missed)
 
 
 def tilted_cells(
@@ -100,15 +92,17 @@ def tilted_cells(
     flux: float,
     direction: Floats,
     counts: Sequence[int],
-    profile: Profile = UNIFORM,
+    profile: Profile,
+    part: tuple[Sequence[float], Sequence[float]] | None = None,
 ) -> SourceCells:
     """Return the cells of an area in the plane z = -distance that shines in one direction.
 
     s and t are x and y in mm.
 
     half_width : mm.  direction : (3,) unit vector.  counts : (nx, ny) cells.
+    part : middle and half-widths of the part that has cells, mm; None is all.
     """
-    x, y = (h * (2 * np.arange(n + 1) / n - 1) for h, n in zip(half_width, counts))
+    x, y = (m + h * (2 * np.arange(n + 1) / n - 1) for m, h, n in zip(*(part or (AXIS, half_width)), counts))
     emitted = flux * profile.shares(x / half_width[0], y / half_width[1])
 
     def at(x: Floats, y: Floats, flux: Floats) -> Rays:

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from optics.scene.sources.cells import SourceCells
+from optics.scene.sources.cells import AXIS, SourceCells
 from optics.scene.sources.divergence import PARALLEL, Divergence
 from optics.scene.sources.profile import UNIFORM, Profile
 from optics.scene.sources.rays import RayGrid, Rays
@@ -23,7 +23,6 @@ Fresh = np.random.Generator | None
 Pair = Sequence[float]
 Ends = Sequence[float] | None
 
-AXIS = 0.0, 0.0
 ALL = 1 << 62  # rays at once
 
 
