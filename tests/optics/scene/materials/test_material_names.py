@@ -112,7 +112,7 @@ def test_a_wavelength_out_of_range_is_refused(name, nm):
 
 
 def test_without_the_catalogue_a_sentence_says_what_to_install(monkeypatch):
-    monkeypatch.setattr("optics.scene.materials.catalogue_pages.find_spec", lambda name: None)
+    monkeypatch.setattr("optics.scene.materials.material_names.find_spec", lambda name: None)
     find_material.cache_clear()
     with pytest.raises(UserError, match=r'pip install "thbcad\[materials\]"'):
         find_material("schott:N-BK7")
