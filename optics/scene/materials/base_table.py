@@ -12,22 +12,27 @@ from math import sqrt
 
 from optics.scene.materials.material_record import Material, tabulated
 
-Law = Callable[[float], float]  # n by wavelength, in the forms that authors print: in micrometres
+Law = Callable[[float], float]  # n by wavelength
+
+
+def _of_nm(law: Law) -> Law:
+    """Return a law by nm.  law : by w in micrometres, as authors print it."""
+    return lambda nm: law(nm / 1000)
 
 
 def sellmeier(*terms: tuple[float, float]) -> Law:
-    """Return n(w) with n^2 = 1 + sum_i B_i w^2 / (w^2 - C_i).  terms : (B_i, C_i in um^2)."""
-    return lambda um: sqrt(1 + sum(b * um**2 / (um**2 - c) for b, c in terms))
+    """Return n with n^2 = 1 + sum_i B_i w^2 / (w^2 - C_i).  terms : (B_i, C_i in um^2)."""
+    return _of_nm(lambda um: sqrt(1 + sum(b * um**2 / (um**2 - c) for b, c in terms)))
 
 
 def power_law(constant: float, *terms: tuple[float, int]) -> Law:
-    """Return n(w) with n^2 = A + sum_i A_i w^p_i.  terms : (A_i, p_i)."""
-    return lambda um: sqrt(constant + sum(a * um**p for a, p in terms))
+    """Return n with n^2 = A + sum_i A_i w^p_i.  terms : (A_i, p_i)."""
+    return _of_nm(lambda um: sqrt(constant + sum(a * um**p for a, p in terms)))
 
 
 def cauchy(constant: float, *terms: float) -> Law:
-    """Return n(w) = A + sum_i A_i / w^(2 i).  terms : A_1, A_2, ..."""
-    return lambda um: constant + sum(a / um ** (2 * i) for i, a in enumerate(terms, 1))
+    """Return n = A + sum_i A_i / w^(2 i).  terms : A_1, A_2, ..."""
+    return _of_nm(lambda um: constant + sum(a / um ** (2 * i) for i, a in enumerate(terms, 1)))
 
 
 # k of SCHOTT's catalogue (2017-01-20b), from its internal transmittances
@@ -50,23 +55,17 @@ N_BK7_EXTINCTION = (
 )
 
 
-def _of_nm(law: Law) -> Law:
-    return lambda nm: law(nm / 1000)
-
-
 _ALL = (
     Material(
         name="PMMA",
-        law=_of_nm(
-            power_law(
-                2.1778,
-                (6.1209e-3, 2),
-                (-1.5004e-3, 4),
-                (2.3678e-2, -2),
-                (-4.2137e-3, -4),
-                (7.3417e-4, -6),
-                (-4.5042e-5, -8),
-            )
+        law=power_law(
+            2.1778,
+            (6.1209e-3, 2),
+            (-1.5004e-3, 4),
+            (2.3678e-2, -2),
+            (-4.2137e-3, -4),
+            (7.3417e-4, -6),
+            (-4.5042e-5, -8),
         ),
         range=(380.0, 1620.0),
         measured=(420.0, 1620.0),
@@ -78,7 +77,7 @@ _ALL = (
     ),
     Material(
         name="PC",
-        law=_of_nm(sellmeier((1.4182, 0.021304))),
+        law=sellmeier((1.4182, 0.021304)),
         range=(380.0, 1052.0),
         measured=(436.8, 1052.0),
         source="Sultanova, Kasarova, Nikolov, Acta Phys. Pol. A 116, 585 (2009), 20 C",
@@ -89,7 +88,7 @@ _ALL = (
     ),
     Material(
         name="COP",
-        law=_of_nm(sellmeier((1.2969, 0.011721))),
+        law=sellmeier((1.2969, 0.011721)),
         range=(380.0, 1052.0),
         measured=(436.8, 1052.0),
         source="Zeonex E48R: Sultanova, Kasarova, Nikolov, Acta Phys. Pol. A 116, 585 (2009), 20 C",
@@ -100,12 +99,10 @@ _ALL = (
     ),
     Material(
         name="N-BK7",
-        law=_of_nm(
-            sellmeier(
-                (1.03961212, 0.00600069867),
-                (0.231792344, 0.0200179144),
-                (1.01046945, 103.560653),
-            )
+        law=sellmeier(
+            (1.03961212, 0.00600069867),
+            (0.231792344, 0.0200179144),
+            (1.01046945, 103.560653),
         ),
         range=(300.0, 2500.0),
         measured=(300.0, 2500.0),
@@ -118,12 +115,10 @@ _ALL = (
     ),
     Material(
         name="fused silica",
-        law=_of_nm(
-            sellmeier(
-                (0.6961663, 0.0684043**2),
-                (0.4079426, 0.1162414**2),
-                (0.8974794, 9.896161**2),
-            )
+        law=sellmeier(
+            (0.6961663, 0.0684043**2),
+            (0.4079426, 0.1162414**2),
+            (0.8974794, 9.896161**2),
         ),
         range=(210.0, 3710.0),
         measured=(210.0, 3710.0),
@@ -135,7 +130,7 @@ _ALL = (
     ),
     Material(
         name="silicone",
-        law=_of_nm(cauchy(1.40289245, 2.43436847e-3, 1.83525764e-4)),
+        law=cauchy(1.40289245, 2.43436847e-3, 1.83525764e-4),
         range=(300.0, 1690.0),
         measured=(300.0, 1690.0),
         source="Sylgard 184, 1:10: Cauchy's law through Gupta et al., ACS Appl. Mater. Interfaces 11, "
