@@ -114,40 +114,35 @@ def limit_advice(problem: Problem, lens: Lens, made: tuple[int, float] = (1, 0.0
 
 def limit_misses(problem: Problem, metrics: Manufacturability) -> Iterator[Miss]:
     """Yield the Miss of every limit that is set, also of those that are kept."""
-    limits = problem.limits
+    limits, optic = problem.limits, problem.optic
     for key, quantity in THICKNESSES.items():
         if getattr(limits, key):
             yield _short(quantity, key, getattr(limits, key), getattr(metrics, key))
     if isfinite(limits.greatest_thickness):
-        bound = metrics.greatest_thickness
-        limit = limits.greatest_thickness
-        yield _beyond("thickness", "greatest_thickness", limit, bound, "mm", position(bound))
-    low, high = problem.limits.envelope
-    bottom, top = metrics.front.heights.least, metrics.rear.heights.greatest
+        greatest = limits.greatest_thickness
+        yield _beyond("thickness", "greatest_thickness", greatest, metrics.greatest_thickness)
+    low, high = limits.envelope
     if isfinite(low):
-        miss = _short(f"least z of the {problem.optic.face_name('front')}", "envelope", low, bottom)
-        yield replace(miss, surface="front")
+        quantity = f"least z of the {optic.face_name('front')}"
+        yield _short(quantity, "envelope", low, metrics.front.heights.least, "front")
     if isfinite(high):
-        z = problem.optic.thickness
+        z, top = optic.thickness, metrics.rear.heights.greatest
         top = replace(top, lower=z + top.lower, upper=float(nextafter(z + top.upper, inf)))
-        rear = problem.optic.face_name("rear")
-        miss = _beyond(f"greatest z of the {rear}", "envelope", high, top, "mm", position(top))
-        yield replace(miss, surface="rear")
+        yield _beyond(f"greatest z of the {optic.face_name('rear')}", "envelope", high, top, "rear")
     for name, surface in metrics.surfaces.items():
-        face = problem.optic.face_name(name)
-        if name in problem.optic.free:
+        face = optic.face_name(name)
+        if name in optic.free:
             for miss in _free_misses(face, surface, limits, problem.source.wavelength):
                 yield replace(miss, surface=name)
         if limits.slope < 90:
-            quantity, where = f"slope of the {face}", position(surface.slope)
-            miss = _beyond(quantity, "slope", limits.slope, surface.slope, "degrees", where)
-            yield replace(miss, surface=name)
+            miss = _beyond(f"slope of the {face}", "slope", limits.slope, surface.slope, name)
+            yield replace(miss, unit="degrees")
         if isfinite(limits.sag_range):
-            quantity, where = f"range of heights of the {face}", positions(surface.heights)
-            miss = _beyond(quantity, "sag_range", limits.sag_range, surface.heights, "mm", where)
-            yield replace(miss, surface=name)
+            yield _beyond(
+                f"range of heights of the {face}", "sag_range", limits.sag_range, surface.heights, name
+            )
     if isfinite(limits.mass):
-        amount = max(0.0, mass(metrics.volume, problem.optic.density) - limits.mass)
+        amount = max(0.0, mass(metrics.volume, optic.density) - limits.mass)
         yield Miss("mass", "mass", limits.mass, most=amount, least=amount, unit="g", beyond=True)
 
 
@@ -161,15 +156,8 @@ def _free_misses(face: str, surface: SurfaceMetrics, limits: Limits, wavelength:
         yield _short(quantity, "concave_radius", limits.concave_radius, surface.concave)
     if limits.feature and surface.feature is not None:
         amount = max(0.0, limits.feature - surface.feature.wavelengths(wavelength))
-        yield Miss(
-            quantity=f"smallest feature of the {face}",
-            key="feature",
-            wanted=limits.feature,
-            most=amount,
-            least=amount,
-            unit="wavelengths",
-            where=f", on level {surface.feature.level}",
-        )
+        quantity, where = f"smallest feature of the {face}", f", on level {surface.feature.level}"
+        yield Miss(quantity, "feature", limits.feature, amount, amount, unit="wavelengths", where=where)
 
 
 def _missed(amount: float, limit: float) -> float:
@@ -177,18 +165,16 @@ def _missed(amount: float, limit: float) -> float:
     return amount if amount > ROUNDING * abs(limit) else 0.0
 
 
-def _short(quantity: str, key: str, limit: float, bound: Enclosure) -> Miss:
+def _short(quantity: str, key: str, limit: float, bound: Enclosure, surface: str = "") -> Miss:
     most, least = (_missed(limit - number, limit) for number in (bound.lower, bound.upper))
     where = f", {position(bound)}" if isfinite(bound.value) else ""
-    return Miss(quantity, key, wanted=limit, most=most, least=least, unit="mm", where=where)
+    return Miss(quantity, key, limit, most, least, unit="mm", surface=surface, where=where)
 
 
-def _beyond(
-    quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, unit: str, where: str
-) -> Miss:
+def _beyond(quantity: str, key: str, limit: float, bound: Enclosure | HeightRange, surface: str = "") -> Miss:
     most, least = (_missed(number - limit, limit) for number in (bound.upper, bound.lower))
-    where = f", {where}"
-    return Miss(quantity, key, wanted=limit, most=most, least=least, unit=unit, beyond=True, where=where)
+    where = f", {positions(bound) if isinstance(bound, HeightRange) else position(bound)}"
+    return Miss(quantity, key, limit, most, least, unit="mm", beyond=True, surface=surface, where=where)
 
 
 def feature_levels(problem: Problem) -> list[int]:
