@@ -2,6 +2,9 @@
 
 import math
 
+import pytest
+
+from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import SMALL, rough, toml_text, write_problem
@@ -81,6 +84,14 @@ def load_values(folder, values):
 
 def one_sentence(message):
     return bool(message) and "\n" not in message and "Traceback" not in message and len(message) < 600
+
+
+def refusal(make, *arguments, **options):
+    """Return the sentence with which a call is refused."""
+    with pytest.raises(UserError) as caught:
+        make(*arguments, **options)
+    assert one_sentence(str(caught.value))
+    return str(caught.value)
 
 
 DENSITY = 1.19

@@ -1,7 +1,5 @@
 """Lists of tables, [[element]] and [[stop]]: read, changed, written, and what is refused."""
 
-import re
-
 import pytest
 
 from optics.base.runtime import UserError
@@ -9,7 +7,7 @@ from optics.scene.keys import assignment
 from optics.scene.limits import require_limits
 from optics.scene.problem import MirrorElement, Problem, load_problem
 from optics.scene.problem.elements import LensElement
-from tests.optics.scene.problem.cases import LENS, MIRROR, SMALL, load_text, one_sentence, toml_text
+from tests.optics.scene.problem.cases import LENS, MIRROR, SMALL, load_text, refusal, toml_text
 
 
 @pytest.fixture
@@ -99,9 +97,7 @@ def test_a_key_is_set_by_the_name_of_its_table(mirror, text, value):
     ],
 )
 def test_what_is_wrong_with_an_element_is_one_sentence(mirror, changes, words):
-    with pytest.raises(UserError, match=re.escape(words)) as caught:
-        require_limits(mirror.with_(**changes))
-    assert one_sentence(str(caught.value))
+    assert words in refusal(lambda: require_limits(mirror.with_(**changes)))
 
 
 TWO = """
@@ -161,9 +157,7 @@ def test_a_table_is_named_by_its_name_or_its_number(two, entry, k):
     ],
 )
 def test_what_is_wrong_with_a_list_is_said_in_a_sentence(two, changes, words):
-    with pytest.raises(UserError, match=re.escape(words)) as caught:
-        two.with_(**changes)
-    assert one_sentence(str(caught.value))
+    assert words in refusal(two.with_, **changes)
 
 
 @pytest.mark.parametrize("text", ["stop.holder.positon=[1]", "stop.position=[1, 2, 3]"])

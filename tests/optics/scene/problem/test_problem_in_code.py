@@ -24,7 +24,7 @@ from optics.scene.problem import (
 )
 from tests.cases import EXAMPLES, python
 from tests.optics.cases import SMALL, toml_text
-from tests.optics.scene.problem.cases import load_text, load_values
+from tests.optics.scene.problem.cases import load_text, load_values, refusal
 
 
 def built(**changes):
@@ -40,12 +40,6 @@ def built(**changes):
         "target": Target(kind="image", image="picture.png", distance=60, half_width=[20, 20]),
     }
     return Problem(**(tables | changes))
-
-
-def refusal(make):
-    with pytest.raises(UserError) as caught:
-        make()
-    return str(caught.value)
 
 
 def nested(values):

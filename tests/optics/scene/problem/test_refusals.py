@@ -12,14 +12,12 @@ from optics.base.runtime import UserError
 from optics.scene.keys import assignment, keys_of, problem_to_toml
 from optics.scene.problem import Problem
 from tests.optics.cases import SMALL, target_z, toml_text, toml_value
-from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, one_sentence
+from tests.optics.scene.problem.cases import EXTENDED, REQUIRED, load_text, load_values, refusal
 
 
-def refusal(folder, values):
-    """Return the message with which the small problem with these values is refused."""
-    with pytest.raises(UserError) as caught:
-        load_values(folder, SMALL | values)
-    return str(caught.value)
+def refused(folder, values):
+    """Return the sentence with which the small problem with these values is refused."""
+    return refusal(load_values, folder, SMALL | values)
 
 
 # ---- bad files ----
@@ -92,13 +90,10 @@ OUT_OF_RANGE = [
 
 def assert_refused(folder, key, bad, words="must|larger than|takes"):
     text = toml_text(SMALL | {key: "DATE" if bad is DATE else bad}).replace('"DATE"', "2000-01-01")
-    with pytest.raises(UserError) as caught:
-        load_text(folder, text)
-    message = str(caught.value)
+    message = refusal(load_text, folder, text)
     assert key in message, bad
     assert re.search(words, message), bad
     assert str(folder / "problem.toml") in message, bad
-    assert one_sentence(message), bad
 
 
 @pytest.mark.parametrize("key", sorted({key for key, *_ in BAD}))
@@ -144,7 +139,7 @@ def test_limits_belong_to_what_is_allowed_and_nothing_beyond(tmp_path, key):
         if limit is not None:
             load_values(tmp_path, SMALL | {key: limit})
             number, word = np.ravel(limit)[0], "least" if direction < 0 else "most"
-            told = refusal(tmp_path, {key: beyond(limit, direction)})
+            told = refused(tmp_path, {key: beyond(limit, direction)})
             assert re.search(rf"{key}.* must be at {word} {number:g}\b", told)
 
 
@@ -191,10 +186,9 @@ PARTNERS = [
 
 @pytest.mark.parametrize(("changes", "sentence"), PARTNERS, ids=str)
 def test_keys_that_do_not_go_together_are_refused(tmp_path, changes, sentence):
-    message = refusal(tmp_path, changes)
+    message = refused(tmp_path, changes)
     assert sentence in message
     assert message.startswith(f"{tmp_path / 'problem.toml'}: ")
-    assert one_sentence(message)
 
 
 @pytest.mark.parametrize("kind", ["collimated", "lambertian"])
@@ -248,10 +242,9 @@ def test_a_free_front_takes_the_defaults_of_a_free_surface(tmp_path):
     ],
 )
 def test_an_unknown_key_is_named_with_those_that_exist(tmp_path, key):
-    message = refusal(tmp_path, {key: 1})
+    message = refused(tmp_path, {key: 1})
     assert f"unknown key {key.split('.')[0] if key.startswith('sources') else key}" in message
     assert ("title" if "." not in key or key.startswith("sources") else "takes") in message
-    assert one_sentence(message)
 
 
 def test_a_value_in_the_place_of_a_table_is_refused(tmp_path):
@@ -262,16 +255,11 @@ def test_a_value_in_the_place_of_a_table_is_refused(tmp_path):
         load_text(tmp_path, text)
 
 
-def test_an_array_of_tables_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"target must be a table"):
-        load_text(tmp_path, toml_text(SMALL).replace("[target]", "[[target]]"))
-
-
 @pytest.mark.parametrize("name", ["line\nbreak", "bell\x07", "esc\x1b[31m"])
 def test_messages_stay_on_one_line_whatever_the_key(tmp_path, name):
-    with pytest.raises(UserError, match="unknown key") as caught:
-        load_text(tmp_path, f"{toml_value(name)} = 1\n" + toml_text(SMALL))
-    assert str(caught.value).isprintable()
+    told = refusal(load_text, tmp_path, f"{toml_value(name)} = 1\n" + toml_text(SMALL))
+    assert "unknown key" in told
+    assert told.isprintable()
 
 
 @pytest.mark.parametrize("key", ["title", "lens.material", "target.image"])
@@ -289,7 +277,7 @@ def test_a_picture_in_a_folder_whose_name_is_no_text_is_refused(tmp_path):
 
 
 def test_messages_stay_short_whatever_the_value(tmp_path):
-    assert one_sentence(refusal(tmp_path, {"lens.thickness": "x" * 100_000}))
+    assert refused(tmp_path, {"lens.thickness": "x" * 100_000})
 
 
 def test_a_change_of_a_key_of_many_parts_is_refused(tmp_path):
@@ -301,9 +289,7 @@ def test_a_change_of_a_key_of_many_parts_is_refused(tmp_path):
     "value", ["{a" + ".a" * 30_000 + "=1}", "[" * 100_000, "1\n[a" + ".a" * 30_000 + "]"]
 )
 def test_an_assignment_of_many_parts_is_refused(value):
-    with pytest.raises(UserError, match=r"lens must be a table") as caught:
-        assignment(f"lens={value}", Problem)
-    assert one_sentence(str(caught.value))
+    assert "lens must be a table" in refusal(assignment, f"lens={value}", Problem)
 
 
 @pytest.mark.parametrize("table", ["target", "lens.rear"])

@@ -1,5 +1,7 @@
 """Zones of a problem file: what is refused, in one sentence each, and what is kept."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import optics
 from optics import UserError
 from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
+from tests.optics.scene.problem.cases import refusal
 
 ZONES = {"source.unit": "lm", "target.distance": np.inf, "target.half_width": [16.0, 8.0]}
 POINT = {"points": [[0, 0]], "least": 5.0}
@@ -30,9 +33,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_zone_that_cannot_be_meant_is_refused(case, tmp_path):
     zone, sentence = REFUSED[case]
-    with pytest.raises(UserError, match=sentence) as caught:
-        load_problem(write_problem(tmp_path, ZONES), {"target.zone": [zone]})
-    assert "\n" not in str(caught.value)
+    assert re.search(sentence, refusal(load_problem, write_problem(tmp_path, ZONES), {"target.zone": [zone]}))
 
 
 OTHERS = {

@@ -1,14 +1,11 @@
 """Systems of one element in any pose: what cannot be lit is said before any tracing; gradients of loss."""
 
-import re
-
 import numpy as np
 import pytest
 
 import optics
-from optics.base.runtime import UserError
 from optics.scene.system import solvable_system
-from tests.optics.scene.problem.cases import LENS, MIRROR, load_text, one_sentence
+from tests.optics.scene.problem.cases import LENS, MIRROR, load_text, refusal
 
 POINT = {"source.kind": "point", "source.half_width": (0, 0), "source.half_angle": 10.0}
 FAR = {"target.surface": "far_field", "target.position": False, "target.half_width": (20.0, 20.0)}
@@ -49,9 +46,7 @@ def mirror(tmp_path):
     ],
 )
 def test_a_scene_that_cannot_be_is_one_sentence(mirror, changes, words):
-    with pytest.raises(UserError, match=re.escape(words)) as caught:
-        solvable_system(mirror.with_(**changes))
-    assert one_sentence(str(caught.value))
+    assert words in refusal(lambda: solvable_system(mirror.with_(**changes)))
 
 
 @pytest.mark.parametrize(

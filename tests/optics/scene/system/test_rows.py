@@ -1,7 +1,5 @@
 """Rows of elements: their light path, what each wavelength meets, and rows that cannot be."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -10,6 +8,7 @@ from optics.designing.optimisation import transmitted_flux
 from optics.scene.paths import AIR, Medium
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
+from tests.optics.scene.problem.cases import refusal
 from thbcad.poses import Pose
 
 SIZE = (10.0, 10.0)
@@ -130,9 +129,7 @@ def test_rows_of_elements_survive_the_trip_through_toml(tmp_path):
     ],
 )
 def test_a_row_that_light_cannot_go_through_is_one_sentence(elements, words):
-    with pytest.raises(UserError, match=re.escape(words)) as caught:
-        solvable_system(row(*elements))
-    assert str(caught.value).count("\n") == 0
+    assert words in refusal(lambda: solvable_system(row(*elements)))
 
 
 @pytest.mark.parametrize(
@@ -149,8 +146,7 @@ def test_a_target_that_light_of_the_last_fixed_element_never_meets_is_refused(ta
     mirror = MIRROR | {"face": MIRROR["face"] | {"freeform": None}}
     lens = LENS | {"rear": LENS["rear"] | {"freeform": {"spans": (4, 4), "z_freedom": 0.1}}}
     solvable_system(row(lens, mirror))
-    with pytest.raises(UserError, match=re.escape(words)):
-        solvable_system(row(lens, mirror, target=target))
+    assert words in refusal(lambda: solvable_system(row(lens, mirror, target=target)))
 
 
 @pytest.mark.parametrize(
