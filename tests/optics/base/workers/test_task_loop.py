@@ -1,10 +1,12 @@
-"""Tasks on processes of this machine: results, failures, killed workers, a lack of memory, bad arguments."""
+"""Tasks on processes of this machine and on the workers of a dask cluster: results, failures, killed workers;
+a lack of memory, bad arguments."""
 
 import errno
 import os
 import signal
 import time
 from contextlib import closing
+from importlib.util import find_spec
 
 import pytest
 
@@ -12,7 +14,11 @@ from examples.thesis.chapter7.two_source_landscape import all_values
 from optics.base.runtime import NumericalError, UserError
 from optics.base.workers import lacks_memory, run_tasks, worker_pool
 from optics.base.workers.task_loop import MOST_IN_FLIGHT
+from oracles.sweep_programs import cluster
 from tests.optics.base.workers import tasks
+
+# found, not loaded: that takes a second in every process that collects this file
+without_dask = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +27,22 @@ def pool():
         yield found
 
 
-def test_every_item_has_its_result(pool):
-    found = sorted(run_tasks(tasks.add, range(40), pool, 5), key=lambda r: r.index)
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory):
+    with (
+        cluster(tmp_path_factory.mktemp("dask") / "cluster") as made,
+        worker_pool(None, made.address) as found,
+    ):
+        yield found
+
+
+@pytest.fixture(params=["pool", pytest.param("dask", marks=[pytest.mark.slow, without_dask])])
+def any_pool(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_every_item_has_its_result(any_pool):
+    found = sorted(run_tasks(tasks.add, range(40), any_pool, 5), key=lambda r: r.index)
     assert [r.value for r in found] == list(range(5, 45))
     assert all(r.seconds >= 0 and r.peak_mb > 1 and not r.failure for r in found)
 
@@ -48,26 +68,43 @@ def test_both_workers_work(pool):
     assert len(workers_of(pool)) == 2
 
 
-def test_a_task_that_raises_has_a_sentence_and_the_others_go_on(pool):
-    found = {r.index: r for r in run_tasks(tasks.fail_odd, range(6), pool)}
+def test_a_task_that_raises_has_a_sentence_and_the_others_go_on(any_pool):
+    found = {r.index: r for r in run_tasks(tasks.fail_odd, range(6), any_pool)}
     assert [found[k].value for k in (0, 2)] == [0, 2]
     assert found[3].failure == "3 is odd"
     assert found[4].failure == "internal error: ZeroDivisionError: by four"
     assert not any(r.killed for r in found.values())
 
 
-def test_a_task_that_kills_its_worker_is_tried_twice_and_blamed_alone(pool, tmp_path):
-    items = [(k, tmp_path) for k in range(12)]
-    found = {r.index: r for r in run_tasks(tasks.kill_marked, items, pool, {3, 7})}
+@without_dask
+@pytest.mark.slow
+def test_what_cannot_be_sent_has_a_sentence(dask):
+    (found,) = run_tasks(tasks.add, [lambda: 0], dask, 5)
+    assert found.failure
+
+
+def with_killers(pool, folder):
+    """Return the results of twelve tasks, of which two kill their workers, by their numbers."""
+    items = [(k, folder) for k in range(12)]
+    return {r.index: r for r in run_tasks(tasks.kill_marked, items, pool, {3, 7})}
+
+
+def test_tasks_that_kill_their_workers_are_blamed_alone(any_pool, tmp_path):
+    found = with_killers(any_pool, tmp_path)
     assert {k for k, r in found.items() if r.killed} == {3, 7}
     assert "its worker ended" in found[3].failure
     assert [found[k].value for k in sorted(set(found) - {3, 7})] == [0, 1, 2, 4, 5, 6, 8, 9, 10, 11]
+
+
+def test_a_task_that_kills_its_worker_is_tried_twice_and_others_once(pool, tmp_path):
+    """Dask tries by itself, too."""
+    with_killers(pool, tmp_path)
     tries = {int(path.name): len(path.read_text()) for path in tmp_path.iterdir()}
     assert {k: n for k, n in tries.items() if n > 1} == {3: 2, 7: 2}
 
 
-def test_a_task_whose_worker_is_killed_once_succeeds(pool, tmp_path):
-    found = list(run_tasks(tasks.kill_once, [(k, tmp_path) for k in range(11)], pool))
+def test_a_task_whose_worker_is_killed_once_succeeds(any_pool, tmp_path):
+    found = list(run_tasks(tasks.kill_once, [(k, tmp_path) for k in range(11)], any_pool))
     assert sorted(r.value for r in found) == list(range(11))
 
 
@@ -123,6 +160,15 @@ def test_a_number_of_workers_that_cannot_be_is_refused(workers):
         pytest.raises(UserError, match="the number of workers must be a whole number from 1"),
         worker_pool(workers),
     ):
+        pass
+
+
+@without_dask
+@pytest.mark.slow
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:nine", "carrier-pigeon://x:1"])
+def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
+    monkeypatch.setattr("optics.base.workers.dask_cluster.PATIENCE", 1.0)
+    with pytest.raises(UserError, match="no dask scheduler answers at"), worker_pool(None, address):
         pass
 
 
