@@ -11,15 +11,21 @@ from optics.scene.system import solvable_system
 INSIDE = "stop.rim reaches into the lens, which may fill z = -1 to 11 mm"
 
 
+SIZE = {"half_width": (10, 10)}
+LENS = {"index": 1.5, "thickness": 6, "front": SIZE, "rear": SIZE | {"freeform": {"z_freedom": 1.0}}}
+BEAM = {"kind": "collimated", "half_width": (8, 8), "distance": 20}
+SCREEN = {"kind": "tophat", "half_width": (12, 12), "pixels": (16, 16)}
+
+
+def rim(**stop):
+    """Return a list of one stop, by what differs from a hole of 3 mm at z = 3 mm."""
+    return [{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, 3), **stop}]
+
+
 def refusal(**stop: object) -> str:
     """Return why a stop is refused, "" where it is not: beside a lens of 20 x 20 x 6 mm, z_freedom 5 mm."""
-    front, rear = {"half_width": (10, 10), "radius": -50.5}, {"half_width": (10, 10)}
-    problem = Problem(
-        source={"kind": "collimated", "half_width": (8, 8), "distance": 20},
-        lens={"index": 1.5, "thickness": 6, "front": front, "rear": rear, "outline": "round"},
-        target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)},
-        stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, 3), **stop}],
-    )
+    lens = LENS | {"front": SIZE | {"radius": -50.5}, "rear": SIZE, "outline": "round"}
+    problem = Problem(source=BEAM, lens=lens, target=SCREEN | {"distance": 60}, stop=rim(**stop))
     try:
         solvable_system(problem)
     except UserError as error:
@@ -86,16 +92,12 @@ def test_a_stop_before_the_source_or_behind_the_target_is_refused(z, words):
 def test_a_stop_is_kept_out_of_every_element_where_that_lies(stop, named):
     """L1 fills z = -40 to -34 mm; the free face of M1 lies about y = z, its blank 4 mm behind."""
     lens = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6, "position": (0, 0, -40)}
-    lens |= {"front": {"half_width": (10, 10)}, "rear": {"half_width": (10, 10), "freeform": False}}
+    lens |= {"front": SIZE, "rear": SIZE | {"freeform": False}}
     face = {"half_width": (14, 20), "radius": float("inf"), "conic": 0, "freeform": {"z_freedom": 1}}
     mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
-    stop = {"name": "rim", "shape": "ellipse", "half_width": (3, 3), **stop}
-    problem = Problem(
-        source={"kind": "collimated", "half_width": (8, 8), "distance": 100},
-        element=[lens, mirror],
-        target={"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0), "half_width": (12, 12)},
-        stop=[stop],
-    )
+    target = SCREEN | {"position": (0, 60, 0), "tilt": (-90, 0, 0)}
+    source = BEAM | {"distance": 100}
+    problem = Problem(source=source, element=[lens, mirror], target=target, stop=rim(**stop))
     if not named:
         solvable_system(problem)
         return
@@ -107,32 +109,18 @@ def test_no_plane_of_a_source_that_is_placed_bounds_a_stop():
     """As `source.distance` tells it, at -60 mm; the distance that a placed one does not use is 2 mm."""
 
     def system(**source):
-        return solvable_system(
-            Problem(
-                source={"kind": "point", "half_angle": 10.0, **source},
-                lens={"index": 1.5, "thickness": 6, "front": {"half_width": (10, 10)}, "rear": REAR},
-                target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)},
-                stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, -20)}],
-            )
-        )
+        point = {"kind": "point", "half_angle": 10.0, **source}
+        stop = rim(position=(0, 0, -20))
+        return solvable_system(Problem(source=point, lens=LENS, target=SCREEN | {"distance": 60}, stop=stop))
 
     plain, there = system(distance=60), system(position=(0, 0, -60))
     assert [s.pose for s in plain.stops] == [s.pose for s in there.stops]
-
-
-REAR = {"half_width": (10, 10), "freeform": {"z_freedom": 1.0}}
 
 
 @pytest.mark.parametrize(
     "target", [{"distance": 60}, {"position": (0, 0, 66)}, {"distance": 60, "tilt": (0, 0, 90)}]
 )
 def test_no_stop_lies_behind_a_target_however_that_is_placed(target):
+    problem = Problem(source=BEAM, lens=LENS, target=SCREEN | target, stop=rim(position=(0, 0, 70)))
     with pytest.raises(UserError, match="but the target is at z = 66 mm"):
-        solvable_system(
-            Problem(
-                source={"kind": "collimated", "half_width": (8, 8), "distance": 20},
-                lens={"index": 1.5, "thickness": 6, "front": {"half_width": (10, 10)}, "rear": REAR},
-                target={"kind": "tophat", "half_width": (12, 12), "pixels": (16, 16), **target},
-                stop=[{"name": "rim", "shape": "ellipse", "half_width": (3, 3), "position": (0, 0, 70)}],
-            )
-        )
+        solvable_system(problem)
