@@ -159,36 +159,23 @@ class _TaskLoop:
         except Empty:
             return
         lane = self._lanes.get(name)
-        if lane is None:
+        if lane is None or (future is not lane.starting and future not in lane.tasks):
             return  # the worker is gone, its tasks were taken then
-        if future is lane.starting:
-            yield from self._started(name, lane)
-        elif future in lane.tasks:
-            if self._ended(future):
-                self._pool.lost(name)
-                self._looked = -LOOK
-                yield from self._close(name)
-            else:
-                yield self._result(future, lane.tasks.pop(future))
-
-    def _started(self, name: str, lane: _Lane) -> Iterator[TaskResult]:
-        """Let a worker that is ready have tasks."""
-        if not self._ended(lane.starting):
-            version = _version(name, lane.starting)
-            if version != __version__:
+        if self._ended(future):
+            self._bad_starts += future is lane.starting
+            if self._bad_starts == BAD_STARTS:
                 raise UserError(
-                    f"the worker {name} has thbcad {version}, this is {__version__}: install the same there"
+                    f"{BAD_STARTS} workers ended while they started; see whether there is memory left for "
+                    "them"
                 )
+            self._pool.lost(name)
+            self._looked = -LOOK
+            yield from self._close(name)
+        elif future is lane.starting:
+            _require_version(name, lane.starting)
             lane.ready, self._bad_starts = True, 0
-            return
-        self._bad_starts += 1
-        if self._bad_starts == BAD_STARTS:
-            raise UserError(
-                f"{BAD_STARTS} workers ended while they started; see whether there is memory left for them"
-            )
-        self._pool.lost(name)
-        self._looked = -LOOK
-        yield from self._close(name)
+        else:
+            yield self._result(future, lane.tasks.pop(future))
 
     def _ended(self, future: Future[Any]) -> bool:
         """Return whether the worker of a future has ended before its task."""
@@ -225,15 +212,14 @@ class _TaskLoop:
         return TaskResult(task.index, said.value, said.failure, said.seconds, said.peak_mb)
 
 
-def _version(name: str, starting: Future[str]) -> str:
-    """Return the version of thbcad that a worker has.
-
-    Raises UserError : none that can be loaded.
-    """
-    error = starting.exception()
-    if error is None:
-        return starting.result()
-    raise UserError(
-        f"the worker {name} cannot be made ready ({type(error).__name__}: {error}); install thbcad "
-        f"{__version__} there"
-    )
+def _require_version(name: str, starting: Future[str]) -> None:
+    """Raise UserError unless a worker has this version of thbcad."""
+    if (error := starting.exception()) is not None:
+        raise UserError(
+            f"the worker {name} cannot be made ready ({type(error).__name__}: {error}); install thbcad "
+            f"{__version__} there"
+        )
+    if (version := starting.result()) != __version__:
+        raise UserError(
+            f"the worker {name} has thbcad {version}, this is {__version__}: install the same there"
+        )
