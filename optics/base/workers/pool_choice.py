@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 from optics.base.runtime import UserError, usable_cores
 from optics.base.workers.local_processes import LocalProcesses, WorkerPool
@@ -24,23 +24,19 @@ def worker_pool(
     Raises UserError : a number of workers that cannot be, both arguments, or no scheduler answers.
     """
     require_workers(workers, scheduler)
-    if scheduler is not None:
-        from optics.base.workers.dask_cluster import DaskCluster  # loads asyncio, 0.1 s
-
-        try:
-            cluster = DaskCluster(scheduler)
-        except ImportError as error:
-            raise UserError(str(error)) from None
-        try:
-            yield cluster
-        finally:
-            cluster.close()
+    if scheduler is None:
+        count = min(usable_cores() if workers is None else workers, max(tasks, 1))
+        with closing(LocalProcesses(count)) as processes:
+            yield processes
         return
-    processes = LocalProcesses(min(usable_cores() if workers is None else workers, max(tasks, 1)))
+    from optics.base.workers.dask_cluster import DaskCluster  # loads asyncio, 0.1 s
+
     try:
-        yield processes
-    finally:
-        processes.close()
+        cluster = DaskCluster(scheduler)
+    except ImportError as error:
+        raise UserError(str(error)) from None
+    with closing(cluster):
+        yield cluster
 
 
 def require_workers(workers: int | None, scheduler: str | None) -> None:
