@@ -53,7 +53,7 @@ class Backend:
     @property
     def types(self) -> ModuleType:
         """The array types of the device, with derivatives."""
-        return _types()
+        return import_module(ARRAY_TYPES)
 
     @property
     def Packet(self) -> type[DrArray]:
@@ -140,13 +140,8 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
         drjit = loaded("drjit")
         if not drjit.has_backend(drjit.JitBackend.LLVM):  # where it searched by itself
             raise UserError(f"Dr.Jit found no LLVM library; {remedy()}")
-        types = _types()
+        types = import_module(ARRAY_TYPES)
     if threads is not None:
         drjit.set_thread_count(threads or usable_cores())
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)
-
-
-def _types() -> ModuleType:
-    """Return the array types of the device, with derivatives."""
-    return import_module(ARRAY_TYPES)

@@ -281,9 +281,8 @@ class LightPath:
             raise ValueError(
                 f"there is one {name} for each surface, got {len(errors)} for {len(self.surfaces)}"
             )
-        changes: list[dict[str, Any]] = [{name: e} for e in errors]
-        pairs = zip(self.surfaces, changes)
-        return self._with(s if c[name] is getattr(s, name) else replace(s, **c) for s, c in pairs)
+        pairs = zip(self.surfaces, errors)
+        return self._with(s if e is getattr(s, name) else replace(s, **{name: e}) for s, e in pairs)
 
     def _with(self, surfaces: Iterable[Surface]) -> LightPath:
         """Return the path over other surfaces; itself, if they are its own."""

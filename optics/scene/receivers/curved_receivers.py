@@ -27,10 +27,6 @@ class Cylinder(Receiver):
 
     radius: float = field(kw_only=True)
 
-    unit = "mm"
-    area_unit = "mm^2"
-    far_field = False
-
     def _chart(
         self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
     ) -> tuple[Any, Any, Any, Any]:

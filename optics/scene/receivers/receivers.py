@@ -44,14 +44,15 @@ class Receiver(Value, ABC):
     """What receives light.
 
     pose : from its own frame to that of the scene.
-    unit, area_unit : of the chart's coordinates, and of their product.  far_field : they are directions.
+    unit, area_unit : of the chart's coordinates, and of their product.  far_field : they are directions, and
+        no lengths.
     """
 
     pose: Pose = IDENTITY
 
-    unit: ClassVar[str]
-    area_unit: ClassVar[str]
-    far_field: ClassVar[bool]
+    unit: ClassVar[str] = "mm"
+    area_unit: ClassVar[str] = "mm^2"
+    far_field: ClassVar[bool] = False
 
     def land(
         self,
@@ -114,10 +115,6 @@ class Receiver(Value, ABC):
 
 class Plane(Receiver):
     """The plane z = 0 of its frame, with u = x and v = y in mm."""
-
-    unit = "mm"
-    area_unit = "mm^2"
-    far_field = False
 
     def _chart(
         self, point: Triple, direction: Triple, library: ModuleType, number: Callable[[float], Any]
