@@ -26,6 +26,12 @@ with process_for("test") as process:
 """
 
 
+def first_process(program):
+    """Start a program that has a helper process, and return (the program, the number of its helper)."""
+    first = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    return first, int(first.stdout.readline())
+
+
 def gone(pid):
     """Wait until a process has ended; return False where it takes a minute."""
     for _ in range(6000):
@@ -253,13 +259,7 @@ def hold_the_lock(begun):
 def test_it_ends_when_the_first_process_is_killed_also_where_python_cannot_listen(tmp_path):
     begun = tmp_path / "begun"
     request = f'ask("tests.optics.base.runtime.test_helper_process", "hold_the_lock", {str(begun)!r})'
-    first = subprocess.Popen(
-        [sys.executable, "-c", ORPHAN.replace('ask("time", "sleep", SECONDS)', request)],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    pid = int(first.stdout.readline())
+    first, pid = first_process(ORPHAN.replace('ask("time", "sleep", SECONDS)', request))
     while not begun.exists():
         time.sleep(0.01)
     first.kill()
@@ -269,13 +269,7 @@ def test_it_ends_when_the_first_process_is_killed_also_where_python_cannot_liste
 
 @pytest.mark.parametrize("seconds", [0, 2], ids=["idle", "at work"])
 def test_it_ends_when_the_first_process_is_killed(seconds):
-    first = subprocess.Popen(
-        [sys.executable, "-c", ORPHAN.replace("SECONDS", str(seconds))],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    pid = int(first.stdout.readline())
+    first, pid = first_process(ORPHAN.replace("SECONDS", str(seconds)))
     first.kill()
     first.communicate()
     assert gone(pid)

@@ -5,7 +5,7 @@ import pytest
 from optics.base.runtime import UserError
 from optics.scene.keys import assignment
 from optics.scene.limits import require_limits
-from optics.scene.problem import MirrorElement, Problem, load_problem
+from optics.scene.problem import MirrorElement, Problem
 from optics.scene.problem.elements import LensElement
 from tests.optics.scene.problem.cases import LENS, MIRROR, SMALL, load_text, refusal, toml_text
 
@@ -20,8 +20,7 @@ def test_a_table_is_the_record_of_its_kind_and_is_written_as_it_was_read(mirror,
     assert isinstance(element, MirrorElement)
     assert mirror.optic is element
     assert mirror.lens is None
-    (tmp_path / "again.toml").write_text(mirror.to_toml(), encoding="utf-8")
-    assert load_problem(tmp_path / "again.toml") == mirror
+    assert load_text(tmp_path, mirror.to_toml()) == mirror
 
 
 def test_a_lens_is_asked_alike_wherever_it_stands(tmp_path):
@@ -123,8 +122,7 @@ def two(tmp_path):
 
 def test_tables_are_read_in_their_order_and_written_as_they_were_read(two, tmp_path):
     assert [stop.shape for stop in two.stop] == ["ellipse", "ring"]
-    (tmp_path / "again.toml").write_text(two.to_toml(), encoding="utf-8")
-    assert load_problem(tmp_path / "again.toml") == two
+    assert load_text(tmp_path, two.to_toml()) == two
     assert "stop" not in two.with_(stop=()).to_toml()
 
 

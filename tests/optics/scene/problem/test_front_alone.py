@@ -5,6 +5,7 @@ import pytest
 from optics.base.runtime import UserError
 from optics.scene.problem import Freeform, commented_problem, load_problem
 from tests.optics.cases import FREE_REAR, FRONT, front_problem, write_problem
+from tests.optics.scene.problem.cases import load_text
 
 
 def test_false_is_a_rear_that_is_its_conic_alone(tmp_path):
@@ -21,10 +22,8 @@ def test_a_front_may_be_fixed_by_the_same_word(tmp_path):
 
 def test_the_written_problem_is_read_back_as_it_was(tmp_path):
     problem = front_problem(tmp_path)
-    path = tmp_path / "again.toml"
-    path.write_text(problem.to_toml(), "utf-8")
     assert "freeform = false" in problem.to_toml()
-    assert load_problem(path) == problem
+    assert load_text(tmp_path, problem.to_toml()) == problem
 
 
 def test_keys_make_the_table_of_a_fixed_rear_and_take_it_away(tmp_path):

@@ -9,7 +9,7 @@ import optics
 from optics import UserError
 from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
-from tests.optics.scene.problem.cases import refusal
+from tests.optics.scene.problem.cases import load_text, refusal
 
 ZONES = {"source.unit": "lm", "target.distance": np.inf, "target.half_width": [16.0, 8.0]}
 POINT = {"points": [[0, 0]], "least": 5.0}
@@ -61,8 +61,7 @@ def test_zones_that_do_not_go_with_their_problem_are_refused(case, tmp_path):
 def test_zones_of_a_file_come_back_from_its_own_text_and_keys_change_by_their_names(tmp_path):
     zones = [{"name": "hot", "points": [[0, 0]], "least": 5.0}, {"line": [[-9, 0], [9, 0]], "greatest": 9.0}]
     problem = load_problem(write_problem(tmp_path, ZONES), {"target.zone": zones, "target.kind": "zones"})
-    (tmp_path / "again.toml").write_text(problem.to_toml())
-    assert load_problem(tmp_path / "again.toml") == problem
+    assert load_text(tmp_path, problem.to_toml()) == problem
     brighter = problem.with_(**{"target.zone.hot.least": 7.0})
     assert brighter.target.zone == (
         optics.Zone(name="hot", points=((0, 0),), least=7.0),

@@ -10,12 +10,12 @@ from hypothesis import given, strategies as st
 
 from optics.base.runtime import LONGEST, UserError
 from optics.interface.commands import main
-from optics.scene.keys import problem_to_toml
 from optics.scene.problem import load_problem
 from optics.scene.receivers.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
+from tests.optics.scene.problem.cases import load_text
 from tests.optics.scene.receivers.cases import CALLS, EXAMPLE, MANY, expressions, refusal
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -186,9 +186,7 @@ def formula_file(folder, changes=None, drop=("target.image",)):
 
 def test_a_formula_needs_no_picture_and_survives_being_written(tmp_path):
     problem = load_problem(formula_file(tmp_path, {"target.formula": "1 +\n\t0.5 * (x < 0.25)^2"}))
-    again = tmp_path / "again.toml"
-    again.write_text(problem_to_toml(problem), "utf-8")
-    assert load_problem(again) == problem
+    assert load_text(tmp_path, problem.to_toml()) == problem
     light = OpticalSystem(problem).target.light
     assert light.shape == problem.target.pixels[::-1]
     assert light[0, 0] == 1

@@ -29,11 +29,8 @@ PROFILES = [
 
 def lambertian(half_angle=90.0, profile=EVEN, count=COUNT, seed=0, most=1 << 62):
     """Return a Lambertian source's rays in one piece."""
-    parts = list(lambertian_parts(HALF_WIDTH, DISTANCE, FLUX, half_angle, profile, count, seed, most))
-    flux = np.concatenate([np.broadcast_to(p.flux, p.origin.shape[1]) for p in parts])
-    return Rays(
-        *(np.concatenate([getattr(p, name) for p in parts], axis=1) for name in ("origin", "direction")), flux
-    )
+    parts = lambertian_parts(HALF_WIDTH, DISTANCE, FLUX, half_angle, profile, count, seed, most)
+    return Rays.joined([*parts])
 
 
 def point(half_angle=60.0, exponent=1.0, counts=(64, 48), shift=(0.0, 0.0)):
@@ -82,8 +79,7 @@ def test_rays_go_forward_from_the_plane_of_the_source(rays):
 def as_rows(rays, sign_x, sign_y):
     """Return the rays' numbers mirrored, one row per ray, in a fixed order."""
     signs = np.array([[sign_x], [sign_y], [1.0]])
-    flux = rays.flux
-    rows = np.concatenate([signs * rays.origin, signs * rays.direction, flux[None]]).T + 0.0  # -0 is 0
+    rows = np.concatenate([signs * rays.origin, signs * rays.direction, rays.flux[None]]).T + 0.0  # -0 is 0
     return rows[np.lexsort(rows.T)]
 
 
@@ -170,12 +166,8 @@ def test_a_picture_glows_pixel_by_pixel():
     for row in range(2):
         for column in range(3):
             here = (np.floor((s + 1) * 1.5) == column) & ((t > 0) == (row == 0))
-            share = mean_flux_share(rays, here)
+            share = rays.flux[here].sum() / FLUX
             assert share == pytest.approx(LIGHT[row, column] / LIGHT.sum(), abs=2 * sobol_error())
-
-
-def mean_flux_share(rays, chosen):
-    return rays.flux[chosen].sum() / FLUX
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda p: p.kind)

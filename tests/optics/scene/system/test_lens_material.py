@@ -10,7 +10,7 @@ from optics.scene.photometry import spectral_lines
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import load_system
 from tests.optics.cases import alone, write_problem
-from tests.optics.scene.problem.cases import refusal
+from tests.optics.scene.problem.cases import load_text, refusal
 
 PMMA = {"lens.material": "PMMA"}
 
@@ -145,9 +145,7 @@ def test_what_cannot_be_is_one_sentence(tmp_path, changes, message):
 @pytest.mark.parametrize("value", ["LED-B1", [[450, 1.0], [650.0, 2]], [], ()])
 def test_a_spectrum_survives_the_text_of_a_problem(tmp_path, value):
     problem = load_problem(write_problem(tmp_path)).with_(**{"source.spectrum": value})
-    path = tmp_path / "again.toml"
-    path.write_text(problem.to_toml(), "utf-8")
-    assert load_problem(path).source == problem.source
+    assert load_text(tmp_path, problem.to_toml()).source == problem.source
 
 
 def test_a_notebook_shows_what_the_lens_is_made_of(tmp_path):
