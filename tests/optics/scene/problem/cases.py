@@ -94,6 +94,14 @@ def refusal(make, *arguments, **options):
     return str(caught.value)
 
 
+def read_or_refused(folder, text):
+    """Return the Problem of a text, or the message with which it is refused."""
+    try:
+        return load_text(folder, text)
+    except UserError as error:
+        return str(error)
+
+
 DENSITY = 1.19
 # so much freedom that no limit below is refused as one that cannot be kept
 ROOMY = {"lens.density": DENSITY, "lens.rear.freeform.z_freedom": 4.0}

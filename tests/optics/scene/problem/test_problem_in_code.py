@@ -246,7 +246,9 @@ def test_an_assignment_is_a_key_and_a_value_of_toml_or_a_bare_word_for_a_text(te
     ("text", "words"),
     [
         ("target.distance", "write KEY=VALUE"),
-        ("=3", "a key is missing before ="),
+        ("=3", "a key is missing before = in '=3': write KEY=VALUE"),
+        (" = 3", "a key is missing before = in ' = 3': write KEY=VALUE"),
+        ("=", "a key is missing before = in '=': write KEY=VALUE"),
         (
             "target.distance=far",
             "target.distance must be a number, such as target.distance=2.5, got 'far'",

@@ -297,9 +297,3 @@ def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table)
     text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
     with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
         load_text(tmp_path, text)
-
-
-@pytest.mark.parametrize("text", ["=3", " = 3", "="])
-def test_an_assignment_without_a_key_says_that_it_is_missing(text):
-    with pytest.raises(UserError, match=r"a key is missing before = in .*: write KEY=VALUE"):
-        assignment(text, Problem)

@@ -13,7 +13,7 @@ from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Export, Freeform, Optimizer, Refinement, Run, Verify
 from tests.cases import examples
 from tests.optics.cases import SMALL
-from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_text, load_values
+from tests.optics.scene.problem.cases import EXTENDED, MINIMAL, load_text, load_values, read_or_refused
 
 
 @pytest.mark.parametrize("values", [MINIMAL, SMALL, EXTENDED], ids=["minimal", "small", "extended"])
@@ -138,14 +138,6 @@ def test_a_text_cut_before_its_last_required_key_is_refused(tmp_path, share, val
     end = text.index("]", start)
     with pytest.raises(UserError, match=r"problem\.toml.* (add it|mend it there|must be)"):
         load_text(tmp_path, text[: int(share * end)])
-
-
-def read_or_refused(folder, text):
-    """Return the Problem of a text, or the message with which it is refused."""
-    try:
-        return load_text(folder, text)
-    except UserError as error:
-        return str(error)
 
 
 @pytest.mark.every(3)
