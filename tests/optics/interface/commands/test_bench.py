@@ -10,6 +10,7 @@ from benchmarks.rows.pages import benchmark_tables
 from benchmarks.rows.stored_rows import machine_facts
 from optics.interface.commands import bench_command, main
 from tests.cases import ROOT
+from tests.optics.interface.commands.cases import refused
 
 BENCHMARK = '''"""Two
 lines | of one sentence.
@@ -146,10 +147,7 @@ def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, caps
     ],
 )
 def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
-    assert main(["bench", *arguments]) == 2
-    message = capsys.readouterr().err
-    assert reason in message
-    assert message.count("\n") == 1
+    assert reason in refused(capsys, "bench", *arguments)
 
 
 @pytest.mark.parametrize(
@@ -163,8 +161,7 @@ def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
     ],
 )
 def test_parts_are_for_benchmarks_that_have_them_and_never_stored(parts, capsys, arguments, reason):
-    assert main(["bench", *arguments]) == 2
-    assert capsys.readouterr().err == f"thbcad: {reason}\n"
+    assert refused(capsys, "bench", *arguments) == f"thbcad: {reason}"
     assert not (parts / "docs" / "data").exists()
 
 
@@ -191,16 +188,14 @@ def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_
 def test_a_file_that_holds_no_rows_is_refused(checkout, capsys, text):
     (checkout / "docs" / "data").mkdir()
     (checkout / "docs" / "data" / "tiny.json").write_text(text)
-    assert main(["bench", "--markdown"]) == 2
-    assert "holds no rows of a benchmark" in capsys.readouterr().err
+    assert "holds no rows of a benchmark" in refused(capsys, "bench", "--markdown")
 
 
 def test_rows_of_a_benchmark_that_is_gone_are_refused(checkout, capsys):
     main(["bench", "tiny", "--store"])
     (checkout / "benchmarks" / "tiny.py").unlink()
     capsys.readouterr()
-    assert main(["bench", "--markdown"]) == 2
-    assert "docs/data/tiny.json belongs to no benchmark" in capsys.readouterr().err
+    assert "docs/data/tiny.json belongs to no benchmark" in refused(capsys, "bench", "--markdown")
 
 
 def test_no_page_changes_where_a_mark_leads_nowhere(checkout):
