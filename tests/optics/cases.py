@@ -24,6 +24,11 @@ from thbcad.surfaces import THBSurface
 THREADS = 1, 2, 4
 
 
+def failing(checks):
+    """Return the names of the checks that fail."""
+    return [check.name for check in checks if not check.ok]
+
+
 def on_threads(threads, work, *arguments):
     """Return what work(*arguments) returns with so many threads of Dr.Jit."""
     load_backend("double", threads)

@@ -5,6 +5,7 @@ import pytest
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 
 from optics.exchange.assemblies import part_checks, placed_text
+from tests.optics.cases import failing
 from tests.thbcad.cad.parts.cases import FLUSH, LENSES, MOTIONS, box, located, rod, rows
 from thbcad import write_step
 from thbcad.cad import cut, join
@@ -21,7 +22,7 @@ def part_of(lens):
 
 
 def failed(path, lens, by_optiland=False):
-    return [check.name for check in part_checks(path, lens, by_optiland)[0] if not check.ok]
+    return failing(part_checks(path, lens, by_optiland)[0])
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def test_a_lens_in_its_mount_is_proven(name, motion, tmp_path):
     solid = solid if motion is None else located(solid, MOTIONS[motion])
     write_step(solid, tmp_path / "part.step", lens=lens)
     checks, left_out = part_checks(tmp_path / "part.step", lens, False)
-    assert [check for check in checks if not check.ok] == []
+    assert failing(checks) == []
     told = ("distance from curves in the faces' parameters", "light by edges", "light before the front")
     words = ("proof of the light in the glass", "the volume between front and rear")
     sampled = words if "smaller" in name else ()  # its edges are no planes
@@ -60,7 +61,7 @@ def test_optiland_lands_where_the_lens_does(name, tmp_path):
     lens = LENSES[name]
     write_step(located(part_of(lens).solid, MOTIONS["turn"]), tmp_path / "part.step", lens=lens)
     checks, _ = part_checks(tmp_path / "part.step", lens, True)
-    assert [check for check in checks if not check.ok] == []
+    assert failing(checks) == []
     assert next(check for check in checks if check.name.startswith("landing points by opti")).value < 1e-11
 
 

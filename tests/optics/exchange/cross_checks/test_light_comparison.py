@@ -18,7 +18,7 @@ from optics.exchange.verification import StepFile
 from optics.scene.problem import load_problem
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import failing, write_problem
 from tests.optics.exchange.verification.cases import FAR, FREE_FRONT, LAMBERTIAN, POINT, shaped
 from thbcad import write_step
 from thbcad.lens import FreeformSurface, Lens, placed_surfaces
@@ -47,9 +47,8 @@ def compared(folder, system, lens, written, tracer, backend, nodes=NODES):
 
 
 def failed(found, system):
-    return [
-        c.name.rpartition(": ")[2] for c in light_comparison_checks(found, system.problem.verify) if not c.ok
-    ]
+    names = failing(light_comparison_checks(found, system.problem.verify))
+    return [name.rpartition(": ")[2] for name in names]
 
 
 CASES = {

@@ -17,7 +17,7 @@ from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.formats import MESHES, SOLIDS, export
 from optics.exchange.export.read_back import mesh_checks
 from tests.cases import slow_unless
-from tests.optics.cases import hollow_lens, rough, small_lens, small_space
+from tests.optics.cases import failing, hollow_lens, rough, small_lens, small_space
 from tests.optics.exchange.export.cases import names
 from tests.optics.interface.commands.cases import refused, run
 from thbcad import write_lens
@@ -112,10 +112,10 @@ def test_a_curve_of_a_drawn_body_that_moved_shows(tmp_path, word):
     sheet = lens_sheet(EQUAL, chord=0.01, polygon=body.polygon)
     path = tmp_path / "body.svg"
     path.write_bytes(drawing_bytes(sheet, "svg"))
-    assert all(check.ok for check in drawing_checks(EQUAL, sheet, path, "svg", body))
+    assert failing(drawing_checks(EQUAL, sheet, path, "svg", body)) == []
     views = [replace(one, view=moved(one.view)) if word in one.view.title else one for one in sheet.views]
     path.write_bytes(drawing_bytes(replace(sheet, views=tuple(views)), "svg"))
-    failed = [check.name for check in drawing_checks(EQUAL, sheet, path, "svg", body) if not check.ok]
+    failed = failing(drawing_checks(EQUAL, sheet, path, "svg", body))
     assert any(
         name.startswith("rear " + ("in sections" if "SECTION" in word else "beyond")) for name in failed
     )
@@ -137,7 +137,7 @@ def test_a_wall_that_moved_shows(tmp_path, name):
     vertices[moved] *= [1.02, 1.02, 1.1]
     path = tmp_path / "body.ply"
     path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
-    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    failed = failing(mesh_checks(EQUAL, mesh, path, "ply", 0.02, body))
     assert "edges against the exact surfaces, PLY read back by trimesh" in failed
 
 
@@ -147,7 +147,7 @@ def test_a_wall_of_a_polygon_that_moved_shows(tmp_path):
     path = tmp_path / "body.ply"
     vertices = mesh.vertices * [1, 1.02, 1]
     path.write_bytes(ply_bytes(type(mesh)(vertices, mesh.triangles, mesh.faces, 0.02, mesh.names)))
-    failed = [c.name for c in mesh_checks(EQUAL, mesh, path, "ply", 0.02, body) if not c.ok]
+    failed = failing(mesh_checks(EQUAL, mesh, path, "ply", 0.02, body))
     assert "edges against the exact surfaces, PLY read back by trimesh" in failed
 
 

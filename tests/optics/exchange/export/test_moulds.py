@@ -10,7 +10,7 @@ from optics.exchange.export.body import Body
 from optics.exchange.export.read_back import mesh_checks
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, small_lens, small_space, store_result, write_problem
+from tests.optics.cases import failing, rough, small_lens, small_space, store_result, write_problem
 from tests.optics.exchange.export.cases import names
 from tests.optics.interface.commands.cases import refused, run
 from thbcad import write_lens
@@ -177,7 +177,7 @@ def test_a_mesh_of_another_body_shows(tmp_path):
     body, other = (Body(moulded=BodyOptions(draft)) for draft in (3.0, 3.5))
     mesh = other.mesh(lens, 0.01, single=False)
     (tmp_path / "body.ply").write_bytes(ply_bytes(mesh))
-    failed = [c.name for c in mesh_checks(lens, mesh, tmp_path / "body.ply", "ply", 0.01, body) if not c.ok]
+    failed = failing(mesh_checks(lens, mesh, tmp_path / "body.ply", "ply", 0.01, body))
     assert failed == ["edges against the exact surfaces, PLY read back by trimesh"]
 
 

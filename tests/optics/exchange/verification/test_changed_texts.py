@@ -14,6 +14,7 @@ from optics.exchange.verification.step_checks import verify
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.system import OpticalSystem, designed_part
 from tests.cases import examples
+from tests.optics.cases import failing
 from tests.optics.exchange.verification.cases import SPLINES, shaped
 from tests.optics.exchange.verification.changed_texts import CORRUPTIONS, REAL, REWRITES
 from thbcad.cad.exchange import part_step, step_bytes
@@ -39,14 +40,10 @@ def good(tmp_path_factory):
     return SimpleNamespace(system=system, lens=lens, text=text, solid=brep_of_text(text))
 
 
-def failed(checks):
-    return [check.name for check in checks if not check.ok]
-
-
 def failed_by_text(good, text):
     """Return the checks of a folder that fail, without OCCT and without rays."""
     solid = brep_of_text(text)
-    return failed([*same_checks(solid, good.solid), *text_checks(solid, good.lens)])
+    return failing([*same_checks(solid, good.solid), *text_checks(solid, good.lens)])
 
 
 def test_the_lists_are_long_enough():
@@ -59,7 +56,7 @@ def test_a_file_written_otherwise_passes(good, name):
     text = REWRITES[name](good.text, np.random.default_rng(1))
     assert text != good.text
     assert failed_by_text(good, text) == []
-    assert failed(text_checks_of(brep_of_text(text)).checks) == []
+    assert failing(text_checks_of(brep_of_text(text)).checks) == []
 
 
 @pytest.mark.parametrize("name", CORRUPTIONS)
@@ -74,7 +71,7 @@ def test_a_damaged_file_is_rejected(good, name):
         assert alone
         return
     assert failed_by_text(good, text) != []
-    assert bool(failed(text_checks_of(solid).checks)) == alone
+    assert bool(failing(text_checks_of(solid).checks)) == alone
 
 
 @examples(60)
@@ -93,7 +90,7 @@ def test_every_number_of_the_solid_counts(good, data):
         solid = brep_of_text(text)
     except ValueError:
         return
-    assert failed(same_checks(solid, good.solid)) == [
+    assert failing(same_checks(solid, good.solid)) == [
         "text of the file: faces and edges that differ from a fresh export of the lens"
     ]
 
@@ -106,7 +103,7 @@ def test_a_file_written_otherwise_passes_every_check(good, tmp_path, backend, na
     checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
     checks += text_and_occt_checks(good.system, good.lens, file, backend)
     checks += verify(good.system, good.lens, file, backend)
-    assert failed([*checks, *bare_checks(file).checks]) == []
+    assert failing([*checks, *bare_checks(file).checks]) == []
     assert notes == [OTHER_TEXT]
 
 
@@ -114,7 +111,7 @@ def test_a_file_as_it_was_written_needs_no_note(good, tmp_path):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(good.text)
     checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
-    assert (failed(checks), notes) == ([], [])
+    assert (failing(checks), notes) == ([], [])
 
 
 @pytest.mark.filterwarnings("error")
@@ -125,7 +122,7 @@ def test_a_volume_that_is_not_found_fails(good, tmp_path):
     checks, left_out = bare_checks(StepFile(tmp_path / "lens.step"))
     names = {"volume", "area"}
     assert {c.name.split()[0] for c in checks if "quadrature" in c.name} == names
-    assert "area by OCCT against quadrature over the text of the file, relative" in failed(checks)
+    assert "area by OCCT against quadrature over the text of the file, relative" in failing(checks)
     assert left_out == [WITHOUT_LENS]
 
 
@@ -135,14 +132,14 @@ def test_the_area_of_a_hyperboloid_is_found_more_finely(tmp_path):
     lens = Lens(FreeformSurface(side), FreeformSurface(side, Conic(-25.0, -2.25)), 22.0, 1.5)
     (tmp_path / "lens.step").write_bytes(step_bytes(lens, Product("steep")))
     checks, _ = bare_checks(StepFile(tmp_path / "lens.step"))
-    assert failed(checks) == []
+    assert failing(checks) == []
 
 
 def test_what_is_left_out_of_a_cut_lens_is_said(good, tmp_path):
     part = trimmed_part(good.lens, (5.0, 4.0))
     (tmp_path / "lens.step").write_bytes(part_step(part, good.system.product))
     checks, left_out = bare_checks(StepFile(tmp_path / "lens.step"))
-    assert failed(checks) == []
+    assert failing(checks) == []
     (by_text,) = (check for check in checks if "quadrature" in check.name)
     assert by_text.name.startswith("volume by OCCT")
     assert by_text.value < 1e-9

@@ -18,7 +18,7 @@ from optics.exchange.verification.traced_faces import ConicFace
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
 from tests.cases import examples
-from tests.optics.cases import moved_point
+from tests.optics.cases import failing, moved_point
 from tests.optics.exchange.verification.cases import shaped
 from thbcad import FreeformSurface, Lens, write_step
 from thbcad.lens import optical_forms, placed_surfaces
@@ -36,10 +36,6 @@ REARS = {
     "equal": {"lens.thickness": 9.0},
     "unequal": {"lens.rear.half_width": [11.0, 9.0], "lens.thickness": 9.0},
 }
-
-
-def failed(checks):
-    return [(check.name, check.value) for check in checks if not check.ok]
 
 
 QUICK = ("sphere", "equal"), ("hyperboloid", "unequal")
@@ -63,7 +59,7 @@ def test_every_program_traces_the_file(tmp_path, backend, front, rear):
         *optiland_checks(system, lens, file, backend),
         *bare_checks(file).checks,
     ]
-    assert failed(checks) == []
+    assert failing(checks) == []
     assert sum(check.name.startswith("landing points") for check in checks) == 3
     for face, own, vertex in zip(
         (file.solid.front, file.solid.rear), (lens.front, lens.rear), (0.0, lens.thickness)
@@ -106,7 +102,7 @@ def test_a_front_moved_by_a_nanometre_is_caught(good, tmp_path, backend):
         return
     checks = text_and_occt_checks(good.system, good.lens, file, backend)
     checks += verify(good.system, good.lens, file, backend)
-    names = {name for name, _ in failed(checks)}
+    names = failing(checks)
     assert "text of the file: front numbers that differ from the lens in memory" in names
     assert "front poles and knots that differ from the lens in memory" in names
     assert "front face against the lens in memory" in names
@@ -117,8 +113,7 @@ def test_a_last_bit_of_the_front_is_caught(good, tmp_path, backend):
     value = optical_forms(good.lens)[0].centre if good.kind == "sphere" else 0.0
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(moved_front(good, np.spacing(value)))
-    checks = verify(good.system, good.lens, file, backend)
-    names = [name for name, _ in failed(checks)]
+    names = failing(verify(good.system, good.lens, file, backend))
     assert names == ["front poles and knots that differ from the lens in memory"]
 
 
@@ -130,7 +125,7 @@ def test_a_rim_with_another_radius_is_caught(good, tmp_path, backend):
     text = good.text[: found.start(1)] + repr(float(found[1]) + 1e-6) + good.text[found.end(1) :]
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(text)
-    names = {name for name, _ in failed(text_and_occt_checks(good.system, good.lens, file, backend))}
+    names = failing(text_and_occt_checks(good.system, good.lens, file, backend))
     assert "text of the file: rims and corners that differ from the lens in memory" in names
 
 

@@ -17,8 +17,9 @@ from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import deposit
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem, lens_product
-from tests.optics.cases import moved_point
+from tests.optics.cases import failing, moved_point
 from tests.optics.exchange.verification.cases import EVERY_LENS, SPLINES, shaped
+from tests.optics.exchange.verification.changed_texts import moved, point
 from thbcad import KnotVector, write_step
 from thbcad.cad.exchange import compact
 from thbcad.cad.shapes import lens_solid
@@ -57,7 +58,7 @@ def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     written(problem, lens, tmp_path / "lens.step")
     checks = verify(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
-    assert [c.name for c in checks if not c.ok] == []
+    assert failing(checks) == []
     assert len(checks) == 14
 
 
@@ -112,24 +113,12 @@ def test_a_missing_edge_face_is_caught(good, tmp_path, backend, which):
     assert {"faces besides the six expected", "free edges", "shell not closed"} <= set(names)
 
 
-def entity(text, number):
-    """Return the match of an entity's coordinates, #number = CARTESIAN_POINT('',(...))."""
-    return re.search(rf"#{number}=CARTESIAN_POINT\('',\(([^)]*)\)\)", text)
-
-
-def shifted(text, number, change):
-    """Return the text with CARTESIAN_POINT #number moved."""
-    found = entity(text, number)
-    numbers = ",".join(f"{float(v) + c:#.17G}" for v, c in zip(found[1].split(","), change))
-    return text[: found.start(1)] + numbers + text[found.end(1) :]
-
-
 @pytest.mark.parametrize("which", [0, 3, 5, 7])
 def test_a_corner_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which):
     """The vertex alone moves: faces and edges no longer meet in it, whatever tolerance a reader grants."""
     corners = re.findall(r"VERTEX_POINT\('',#(\d+)\)", good.text)
     assert len(corners) == 8
-    assert failed(good, tmp_path, shifted(good.text, corners[which], [0, 0, 1e-3]), backend)
+    assert failed(good, tmp_path, moved(good.text, corners[which], [0, 0, 1e-3]), backend)
 
 
 @pytest.mark.parametrize("which", [0, 2, 4, 6])
@@ -137,11 +126,11 @@ def test_a_rim_moved_by_a_micrometre_is_caught(good, tmp_path, backend, which):
     """The curve of an edge leaves the face that it bounds."""
     rims = re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',\d+,\(([#\d,\s]*)\)", good.text)
     rims = [
-        row for row in rims if entity(good.text, row.split(",")[0].strip("#"))[1].count(",") == 2
+        row for row in rims if point(good.text, row.split(",")[0].strip("#"))[1].count(",") == 2
     ]  # not those in parameters
     assert len(rims) == 8
     poles = [p.strip("# \n") for p in rims[which].split(",")]
-    assert failed(good, tmp_path, shifted(good.text, poles[len(poles) // 2], [0, 0, 1e-3]), backend)
+    assert failed(good, tmp_path, moved(good.text, poles[len(poles) // 2], [0, 0, 1e-3]), backend)
 
 
 def test_a_second_solid_is_caught(good, tmp_path, backend):
@@ -218,14 +207,14 @@ def test_numbers_that_differ_are_counted(good):
     """A face of another degree with as many poles, and none at all, differ in everything."""
     own = placed_surfaces(good.lens)[1]
     everything = own.coefficients.size + len(own.kv_u.knots) + len(own.kv_v.knots)
-    moved = own.coefficients.copy()
-    moved[2, 3, 1:] += 1.0
+    higher = own.coefficients.copy()
+    higher[2, 3, 1:] += 1.0
     vectors = [
         KnotVector.uniform(kv.degree - 1, kv.dim - kv.degree + 1, kv.start, kv.stop)
         for kv in (own.kv_u, own.kv_v)
     ]
     assert differing_numbers(own, own) == 0
-    assert differing_numbers(BSplineSurface(own.kv_u, own.kv_v, moved), own) == 2
+    assert differing_numbers(BSplineSurface(own.kv_u, own.kv_v, higher), own) == 2
     assert differing_numbers(BSplineSurface(*vectors, own.coefficients), own) == everything
     assert differing_numbers(None, own) == everything
 
