@@ -13,12 +13,12 @@ from optics.designing.optimisation import Objective
 from optics.exchange.mitsuba.integrator import exact_integrator, register
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import TracedModel
-from optics.light.measuring import Splat
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, filter_image
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import ROOT
 from tests.optics.cases import coefficients, rough, store_result, target_z, tracer_to
+from tests.optics.exchange.mitsuba.cases import exact_image
 from thbcad.surfaces import THBSurface
 
 EPS = 2.0**-23  # of float32
@@ -61,35 +61,26 @@ def scene_with(mi, integrator):
     return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor})
 
 
-def traced(backend, problem, lens):
-    """Return the exact tracer with 9 rays per pixel."""
-    rays = OpticalSystem(problem).source.rays([3 * n for n in PIXELS])
-    return tracer_to(backend, lens, rays, target_z(problem), absorption=problem.lens.absorption)
-
-
 def exact_film(backend, problem, lens):
     """Return the light model of the exact tracer with 9 rays per pixel."""
-    screen = OpticalSystem(problem).target.screen()
-    return TracedModel(backend, traced(backend, problem, lens), screen, WINDOW)
+    system = OpticalSystem(problem)
+    rays = system.source.rays([3 * n for n in PIXELS])
+    tracer = tracer_to(backend, lens, rays, target_z(problem))
+    return TracedModel(backend, tracer, system.target.screen(), WINDOW)
 
 
 def asked_for(problem):
-    return target_irradiance(
-        OpticalSystem(problem).target.light,
-        OpticalSystem(problem).target.screen(),
-        problem.target.placing,
-        0.92,
-    )
+    target = OpticalSystem(problem).target
+    return target_irradiance(target.light, target.screen(), problem.target.placing, 0.92)
 
 
 @pytest.mark.parametrize("absorption", [0.0, 0.02])
 def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend, absorption):
     problem, lens = make({"lens.absorption": absorption})
-    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
+    system = OpticalSystem(problem)
+    scene = scene_with(mi, exact_integrator(system, lens))
     image = np.array(mi.render(scene))
-    _, landing = traced(backend, problem, lens).trace(coefficients(lens))
-    splat = Splat(backend, OpticalSystem(problem).target.screen(), WINDOW)
-    exact = splat(landing.x, landing.y, landing.flux).numpy().reshape(PIXELS[::-1], order="F")
+    exact = exact_image(backend, system, lens, [3 * n for n in PIXELS], WINDOW)
     assert image.shape == (40, 48, 1)
     # rounded to float32 at the end; atomics add in any order
     assert np.abs(image[..., 0] - exact).max() <= EPS * exact.max()
@@ -139,9 +130,7 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
 def test_forward_and_backward_are_adjoint(make, backend, changes):
     """Both run in double precision; w . (J d) == (J' w) . d but for the rounding of the sums."""
     problem, lens = make(changes)
-    film = TracedModel(
-        backend, traced(backend, problem, lens), OpticalSystem(problem).target.screen(), WINDOW
-    )
+    film = exact_film(backend, problem, lens)
     rng, at = np.random.default_rng(4), coefficients(lens)
     directions, weights = [rng.standard_normal(len(c)) for c in at], rng.standard_normal(PIXELS[::-1])
     _, forward = film.push_forward(at, directions)
@@ -166,10 +155,7 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
     parameters.update()
     dr.set_grad(values, mi.Float64(direction))
     change = np.array(dr.forward_to(mi.render(scene, parameters)))[..., 0]
-    h, film = (
-        1e-5,
-        TracedModel(backend, traced(backend, problem, lens), OpticalSystem(problem).target.screen(), WINDOW),
-    )
+    h, film = 1e-5, exact_film(backend, problem, lens)
     wanted = (film.image([at + h * direction]) - film.image([at - h * direction])) / (2 * h)
     assert np.abs(change - wanted).max() < 1e-5 * np.abs(wanted).max()
 

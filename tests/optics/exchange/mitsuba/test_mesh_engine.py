@@ -10,7 +10,6 @@ from optics.designing.optimisation import shape_lens, vertex_knots
 from optics.designing.starts import summed_over_cells
 from optics.exchange.mitsuba import engines
 from optics.exchange.mitsuba.engines import mitsuba_engine
-from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
@@ -37,12 +36,9 @@ CASES = {
 
 
 @pytest.fixture(autouse=True)
-def mi(backend, monkeypatch):
-    """Mitsuba on one thread, and meshes of 161 vertices in each direction."""
+def coarse(mi, monkeypatch):
+    """Meshes of 161 vertices in each direction."""
     monkeypatch.setattr(engines, "FEWEST", 160)
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    load_mitsuba(threads=threads)
 
 
 def models(folder, backend, changes, window, axes):

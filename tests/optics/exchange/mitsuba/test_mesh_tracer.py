@@ -6,31 +6,23 @@ import pytest
 pytest.importorskip("mitsuba")
 
 from optics.designing.optimisation import Objective
-from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_tracer import MeshTracer
 from optics.light.engines import TracedModel
-from optics.light.measuring import Splat
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, receiver_at
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space, target_z, tracer_to
+from tests.optics.exchange.mitsuba.cases import exact_image
 
+pytestmark = pytest.mark.usefixtures("mi")
 WINDOW = GaussianWindow(1.0)
 BEAM = collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (65, 63))
 WIDE = collimated_beam((14.0, 14.0), 1.0, (10.0, 10.0), (65, 63))
 GLOWING = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 40.0, Profile(), 1 << 12, 0, 1 << 40))
 ROUGH = small_lens(sag=rough(small_space()))
 BOTH = hollow_lens(lambda space: rough(space, 0.05), lambda space: rough(space, 0.05, 6), (2, 2))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def mi(backend):
-    """Mitsuba on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    backend.dr.set_thread_count(threads)
 
 
 def landings(backend, lens, rays, target_z, vertices):
@@ -82,17 +74,9 @@ def test_far_field_and_flux(backend, lens, rays):
 
 def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_file):
     """On a paraboloid normals are linear but for the normalisation; landing errors of 1e-5 pixels remain."""
-    problem = load_problem(problem_file())
-    lens, screen = OpticalSystem(problem).lens, OpticalSystem(problem).target.screen()
-    image = mesh_model(OpticalSystem(problem), lens, 129, 129).image(coefficients(lens))
-    _, landing = tracer_to(
-        backend, lens, OpticalSystem(problem).source.rays((129, 129)), target_z(problem)
-    ).trace(coefficients(lens))
-    exact = (
-        Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
-        .numpy()
-        .reshape(screen.shape, order="F")
-    )
+    system = OpticalSystem(load_problem(problem_file()))
+    image = mesh_model(system, system.lens, 129, 129).image(coefficients(system.lens))
+    exact = exact_image(backend, system, system.lens, (129, 129), WINDOW)
     assert image.shape == exact.shape
     assert np.linalg.norm(image - exact) < 5e-5 * np.linalg.norm(exact)
 

@@ -8,7 +8,6 @@ pytest.importorskip("mitsuba")
 from optics.designing.optimisation import shape_lens, vertex_knots
 from optics.exchange.mitsuba.engines import mitsuba_engine
 from optics.exchange.mitsuba.integrator import light_integrator
-from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
@@ -16,6 +15,7 @@ from optics.scene.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
 from thbcad.surfaces import THBSurface
 
+pytestmark = pytest.mark.usefixtures("mi")
 EPS = 2.0**-24  # to which numbers are rounded in float32
 BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
 CASES = {
@@ -23,14 +23,6 @@ CASES = {
     "mirrored quarter of cells": ({"target.kind": "tophat"}, None, (0, 1)),
     "rays through two free surfaces": (BOTH_FREE, BSplineWindow(2), ()),
 }
-
-
-@pytest.fixture(autouse=True)
-def mi(backend):
-    """Mitsuba on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    load_mitsuba(threads=threads)
 
 
 def models(folder, backend, changes, window, axes):

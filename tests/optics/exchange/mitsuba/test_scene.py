@@ -12,17 +12,18 @@ from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.scene import camera_irradiance, mitsuba_scene
 from optics.light.analysis import ray_irradiance
-from optics.light.measuring import Splat
 from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow, Screen
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
+from tests.optics.cases import picture, rough, target_z
+from tests.optics.exchange.mitsuba.cases import exact_image
 from tests.optics.scene.problem.cases import MIRROR, ROW, load_text
 from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
+pytestmark = pytest.mark.usefixtures("mi")
 SAMPLES = 1 << 17
 TWO = """
 title = "two beams"
@@ -58,14 +59,6 @@ pixels = [32, 32]
 STRETCHED = {"source.half_width": [6.0, 9.0], "source.flux": 0.7, "source.image": "source.png"}
 NEAR = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
 POINT = {"source.kind": "point", "source.half_width": [0.0, 0.0], "source.distance": 30.0, "source.flux": 0.7}
-
-
-@pytest.fixture(autouse=True)
-def mi(backend):
-    """Mitsuba on one thread."""
-    threads = backend.dr.thread_count()
-    yield load_mitsuba(threads=1)
-    backend.dr.set_thread_count(threads)
 
 
 @pytest.fixture
@@ -140,18 +133,9 @@ def test_the_camera_sees_the_irradiance_the_right_way_round(make, backend):
     """6 x 6 blocks of 8 x 8 pixels with 256 paths each: noise of about 1 %; light that is reflected twice in
     the lens adds as much."""
     problem, lens = make({})
-    image = camera_irradiance(
-        mitsuba_scene(OpticalSystem(problem), LensMesh.uniform(lens, (65, 65))), spp=256
-    )
-    screen = OpticalSystem(problem).target.screen()
-    _, landing = tracer_to(
-        backend, lens, OpticalSystem(problem).source.rays((301, 301)), target_z(problem)
-    ).trace(coefficients(lens))
-    exact = (
-        Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
-        .numpy()
-        .reshape(screen.shape, order="F")
-    )
+    system = OpticalSystem(problem)
+    image = camera_irradiance(mitsuba_scene(system, LensMesh.uniform(lens, (65, 65))), spp=256)
+    exact = exact_image(backend, system, lens, (301, 301), PixelWindow())
     blocks = [a.reshape(6, 8, 6, 8).mean((1, 3)) for a in (image, exact)]
     assert image.shape == exact.shape
     assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])

@@ -13,11 +13,11 @@ from optics.exchange.mitsuba import scene
 from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.exchange.mitsuba.scene import REFLECTANCE
 from optics.exchange.mitsuba.scene_xml import irradiance_of_one, scene_checks, scene_file_names, scene_files
-from optics.light.measuring import Splat
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, picture, rough, target_z, tracer_to
+from tests.optics.cases import picture, rough
+from tests.optics.exchange.mitsuba.cases import exact_image
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.surfaces import THBSurface
 
@@ -136,11 +136,6 @@ def test_a_process_that_knows_mitsuba_alone_sees_our_light(make, backend, tmp_pa
     image = tmp_path / "image.npy"
     subprocess.run([sys.executable, "-c", RENDER, str(out), "256", str(image)], check=True)
     seen = irradiance_of_one(system) * np.load(image)[:, ::-1, 0]
-    screen = system.target.screen()
-    _, landing = tracer_to(backend, lens, system.source.rays((301, 301)), target_z(system.problem)).trace(
-        coefficients(lens)
-    )
-    exact = Splat(backend, screen, PixelWindow())(landing.x, landing.y, landing.flux)
-    exact = exact.numpy().reshape(screen.shape, order="F")
+    exact = exact_image(backend, system, lens, (301, 301), PixelWindow())
     blocks = [a.reshape(6, 8, 6, 8).mean((1, 3)) for a in (seen, exact)]
     assert np.linalg.norm(blocks[0] - blocks[1]) < 0.03 * np.linalg.norm(blocks[1])
