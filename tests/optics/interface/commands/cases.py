@@ -79,6 +79,15 @@ def refused(capsys, *arguments):
     return line
 
 
+def raising(error):
+    """Return a function that raises an error, whatever it is given."""
+
+    def failing(*_, **__):
+        raise error
+
+    return failing
+
+
 def assert_no_false_claim(folder):
     """What speaks of a solid speaks of the one that lies there; a whole result is whole."""
     step = folder / "lens.step"

@@ -51,7 +51,17 @@ def copy(golden, tmp_path):
 
 
 @pytest.fixture
-def result(tmp_path):
+def stored(tmp_path):
+    """A function that stores the result of a changed problem, its lens unshaped, and returns its folder."""
+
+    def made(changes=None, drop=()):
+        problem = load_problem(write_problem(tmp_path, changes, drop=drop))
+        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+
+    return made
+
+
+@pytest.fixture
+def result(stored):
     """A result folder of an unshaped lens."""
-    problem = load_problem(write_problem(tmp_path))
-    return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+    return stored()

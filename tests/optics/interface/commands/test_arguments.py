@@ -18,7 +18,7 @@ from optics.interface.commands.problem_options import changes_of
 from optics.scene.problem import ENGINES, STARTS, load_problem
 from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import QUICK, refused
+from tests.optics.interface.commands.cases import QUICK, raising, refused
 
 NAMES = sorted(parsers()[1])
 PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
@@ -242,20 +242,14 @@ def test_verbose_says_what_is_skipped_as_explain_does(tmp_path, capsys):
     "error", [MemoryError(), RuntimeError("jit_malloc(): out of memory! Could not allocate 1024 bytes.")]
 )
 def test_a_lack_of_memory_is_no_internal_error(error, capsys, monkeypatch):
-    def failing(options):
-        raise error
-
-    monkeypatch.setattr("optics.interface.commands.check_command.check", failing)
+    monkeypatch.setattr("optics.interface.commands.check_command.check", raising(error))
     assert main(["check", "a"]) == 3
     assert capsys.readouterr().err == "thbcad: out of memory; use fewer pixels, rays or levels\n"
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("nothing"), UserError("bad input")])
 def test_verbose_shows_the_traceback_of_what_the_input_did_not_cause(error, capsys, monkeypatch):
-    def failing(options):
-        raise error
-
-    monkeypatch.setattr("optics.interface.commands.check_command.check", failing)
+    monkeypatch.setattr("optics.interface.commands.check_command.check", raising(error))
     monkeypatch.delenv("THBCAD_DEBUG", raising=False)
     main(["check", "a", "-v"])
     assert ("Traceback" in capsys.readouterr().err) == isinstance(error, ZeroDivisionError)

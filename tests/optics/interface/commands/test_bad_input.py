@@ -6,7 +6,7 @@ import pytest
 from optics.designing.optimisation import State
 from optics.interface.commands import main
 from tests.optics.cases import picture, write_problem
-from tests.optics.interface.commands.cases import QUICK, refused, strict_json
+from tests.optics.interface.commands.cases import QUICK, raising, refused, strict_json
 
 COARSE = {"lens.rear.freeform.max_level": 0, "verify.rel_l2": 2.0}
 
@@ -33,11 +33,7 @@ def test_an_old_result_stays_whole_until_the_new_one_is_there(copy, tmp_path, mo
     """Interrupted, a folder still holds the problem and the lens of the run before, which belong together."""
     out = copy
     before = (out / "problem.toml").read_text(), (out / "lens.json").read_text()
-
-    def interrupted(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", raising(KeyboardInterrupt))
     problem = write_problem(tmp_path, QUICK | {"lens.index": 1.6})
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert ((out / "problem.toml").read_text(), (out / "lens.json").read_text()) == before

@@ -17,7 +17,7 @@ from optics.interface.commands import main
 from optics.interface.commands.outcome import Outcome
 from tests.cases import ROOT, python
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import COARSE
+from tests.optics.interface.commands.cases import COARSE, raising
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
@@ -65,11 +65,8 @@ def test_an_error_of_the_program_itself_is_one_sentence_and_has_a_code_of_its_ow
     tmp_path, capsys, monkeypatch, debug
 ):
     """1 would say that a check failed.  The traceback is shown to those who ask for it."""
-
-    def failing(options):
-        raise ZeroDivisionError("nothing\x1b to divide by")
-
-    monkeypatch.setattr("optics.interface.commands.check_command.system_of", failing)
+    error = ZeroDivisionError("nothing\x1b to divide by")
+    monkeypatch.setattr("optics.interface.commands.check_command.system_of", raising(error))
     monkeypatch.delenv("THBCAD_DEBUG", raising=False)
     if debug:
         monkeypatch.setenv("THBCAD_DEBUG", "1")

@@ -2,9 +2,8 @@
 
 import pytest
 
-from optics.interface.commands import main
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import refused, run, strict_json
 
 
 @pytest.mark.slow
@@ -13,21 +12,10 @@ def test_a_run_starts_from_an_earlier_design(golden, tmp_path, capsys):
     before = strict_json((golden.path / "metrics.json").read_text())
     last = (golden.path / "history.csv").read_text().splitlines()[-1].split(",")
     out = tmp_path / "out"
-    assert (
-        main(
-            [
-                "design",
-                str(golden.path / "problem.toml"),
-                "--out",
-                str(out),
-                "--from",
-                str(golden.path),
-                "--json",
-            ]
-        )
-        == 0
-    )
-    metrics = strict_json(capsys.readouterr().out)["metrics"]
+    problem = golden.path / "problem.toml"
+    done = run(capsys, "design", problem, "--out", out, "--from", golden.path, "--json")
+    assert done.code == 0
+    metrics = strict_json(done.out)["metrics"]
     first = (out / "history.csv").read_text().splitlines()[1].split(",")
     assert metrics["dof"] == before["dof"]
     assert first[:2] == last[:2]

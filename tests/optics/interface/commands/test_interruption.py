@@ -17,7 +17,7 @@ from optics.interface.commands import main
 from optics.interface.commands.design_command import resuming
 from tests.optics.cases import picture, write_problem
 from tests.optics.exchange.results.cases import some_state
-from tests.optics.interface.commands.cases import QUICK, command, refused, strict_json
+from tests.optics.interface.commands.cases import QUICK, command, raising, refused, strict_json
 
 LONG = {
     "optimizer.start": "flat",
@@ -186,12 +186,9 @@ def test_going_on_from_a_finished_result_keeps_what_was_changed_since(copy, gold
 def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_resume(
     stopped_copy, capsys, monkeypatch
 ):
-    def interrupted(*arguments):
-        raise KeyboardInterrupt
-
     problem, out = stopped_copy
     write_problem(problem.parent, LONG | {"title": "other"})
-    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
+    monkeypatch.setattr("optics.interface.api.design_run.shape_lens", raising(KeyboardInterrupt))
     assert main(["design", str(problem), "--out", str(out), "--force"]) == 130
     assert "nothing was kept" in capsys.readouterr().err
 
@@ -199,10 +196,7 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
 @pytest.mark.usefixtures("no_helpers")
 def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, capsys, monkeypatch):
     """Also where the problem leaves a number to the program: resolved, it is not what was asked for."""
-
-    def interrupted(*arguments):
-        raise Interrupted(some_state())
-
+    interrupted = raising(Interrupted(some_state()))
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", interrupted)
     problem = write_problem(tmp_path, {"lens.rear.freeform.max_level": "auto"})
     arguments = ["design", str(problem), "--out", str(tmp_path / "out")]
@@ -217,10 +211,7 @@ def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, ca
     ("fault", "code"), [(ProcessEnded("a helper ended"), 3), (OSError(errno.ENOSPC, "No space left"), 2)]
 )
 def test_a_run_that_a_helper_or_the_disk_ends_says_how_it_goes_on(tmp_path, capsys, monkeypatch, fault, code):
-    def failed(*arguments):
-        raise fault
-
-    monkeypatch.setattr("optics.interface.api.write_result", failed)
+    monkeypatch.setattr("optics.interface.api.write_result", raising(fault))
     problem = write_problem(tmp_path, {"optimizer.start": "flat", "optimizer.iterations": [1]})
     assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == code
     assert re.search(r"so far.*; to go on: thbcad design .* --resume\n", capsys.readouterr().err)
@@ -231,17 +222,13 @@ def test_a_lens_that_is_taken_as_it_is_is_taken_again_after_ctrl_c(golden, tmp_p
     problem, out = golden.path / "problem.toml", tmp_path / "out"
     words = ["design", str(problem), "--lens", str(golden.path / "lens.json"), "--out", str(out)]
     with monkeypatch.context() as patch:
-        patch.setattr("optics.interface.api.design_files.light_files", interrupted)
+        patch.setattr("optics.interface.api.design_files.light_files", raising(KeyboardInterrupt))
         assert main(words) == 130
     assert "the same command starts again" in capsys.readouterr().err
     assert (out / "problem.toml").exists()
     assert not (out / "result.json").exists()
     assert main(words) == 0
     assert not (out / "checkpoint.json").exists()
-
-
-def interrupted(*_):
-    raise KeyboardInterrupt
 
 
 def test_a_problem_file_with_comments_beside_an_unfinished_run_is_kept(stopped_copy, capsys):

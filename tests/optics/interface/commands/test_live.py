@@ -10,7 +10,7 @@ from optics.exchange.results import LIVE
 from optics.interface.commands import main
 from optics.interface.commands.design_command import show_in_browser
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import QUICK, assert_whole, command, content
+from tests.optics.interface.commands.cases import QUICK, assert_whole, command, content, raising
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +51,7 @@ def test_pages_are_whole_at_any_time_show_light_and_end_at_the_report(watched):
 
 
 def test_a_run_that_is_stopped_says_so_on_its_page(monkeypatch, no_helpers, tmp_path, capsys):
-    def stopped(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("optics.interface.api.designed", stopped)
+    monkeypatch.setattr("optics.interface.api.designed", raising(KeyboardInterrupt))
     problem = write_problem(tmp_path, QUICK)
     assert main(["design", str(problem), "--out", str(tmp_path / "out"), "--live"]) == 130
     page = (tmp_path / "out" / LIVE).read_text("utf-8")

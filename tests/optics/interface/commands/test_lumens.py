@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from optics.interface.commands.cli import main
-from optics.scene.problem import load_problem
 from optics.scene.ray_files import read_rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import DOME, store_result, write_problem
+from tests.optics.cases import DOME, write_problem
 from tests.optics.interface.commands.cases import FIGURES, QUICK, refused, strict_json
 
 FAR = {
@@ -21,17 +19,6 @@ FAR = {
     "target.half_width": [30.0, 25.0],
 }
 WATTS = re.compile(r"\bW\b")
-
-
-@pytest.fixture
-def stored(tmp_path):
-    """A function that stores a result of a changed problem, without a design."""
-
-    def made(changes):
-        problem = load_problem(write_problem(tmp_path, changes))
-        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
-
-    return made
 
 
 def printed(capsys, *arguments):

@@ -6,10 +6,8 @@ import pytest
 from optics.interface.commands.cli import main
 from optics.interface.commands.making_options import ROAD_CLASSES, ROAD_ROWS
 from optics.light.roads import CLASSES, ROWS
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
-from tests.optics.cases import DOME, store_result, write_problem
+from tests.optics.cases import DOME
 from tests.optics.interface.commands.cases import refused, strict_json
 
 LAMP = str(EXAMPLES / "lamp.ies")
@@ -23,17 +21,6 @@ ok     least illuminance: 2.18 lx (at least 1)
 uniformity U0 of the illuminance, least over mean: 0.36
 class P4 of EN 13201-2:2015 is kept
 """
-
-
-@pytest.fixture
-def made(tmp_path):
-    """A function that stores a result of a changed problem, without a design."""
-
-    def stored(changes):
-        problem = load_problem(write_problem(tmp_path, DOME | changes, drop=("target.image",)))
-        return str(store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path)
-
-    return stored
 
 
 def test_the_parser_knows_the_classes_and_the_rows():
@@ -65,8 +52,8 @@ def test_classes_m_are_judged_with_an_r_table(capsys, tmp_path):
         assert name in out
 
 
-def test_a_lens_is_judged_in_lumens_with_errors(capsys, made):
-    folder = made({"source.unit": "lm", "source.flux": 400.0})
+def test_a_lens_is_judged_in_lumens_with_errors(capsys, stored):
+    folder = str(stored(DOME | {"source.unit": "lm", "source.flux": 400.0}, drop=("target.image",)))
     assert main(["road", folder, "--class", "P6", *POLES, "--rays", "4096", "--step", "10", "--json"]) == 1
     data = strict_json(capsys.readouterr().out)
     assert 300 < data["flux_lm"] < 400
@@ -95,6 +82,7 @@ def test_what_makes_no_road_is_refused(capsys, words, sentence):
     assert sentence in refused(capsys, "road", LAMP, *POLES, *words.split())
 
 
-def test_watts_are_refused(capsys, made):
-    command = "road", made({}), "--class", "P4", *POLES, "--rays", "64", "--step", "30"
+def test_watts_are_refused(capsys, stored):
+    folder = stored(DOME, drop=("target.image",))
+    command = "road", folder, "--class", "P4", *POLES, "--rays", "64", "--step", "30"
     assert "roads are judged in lumens, and the source of" in refused(capsys, *command)

@@ -11,7 +11,7 @@ from optics.exchange.results import sha256_of
 from optics.interface.api import Design
 from optics.interface.commands import tolerance_command
 from optics.tolerancing.perturbations import tolerances_of
-from tests.optics.interface.commands.cases import refused, run
+from tests.optics.interface.commands.cases import raising, refused, run
 
 
 @pytest.mark.slow
@@ -50,10 +50,7 @@ def test_a_result_gets_a_page_of_its_tolerances(capsys, copy, tmp_path):
 
 
 def test_tolerances_are_kept_where_form_errors_fail(capsys, copy, tmp_path, monkeypatch):
-    def failing(*_):
-        raise UserError("no light")
-
-    monkeypatch.setattr(tolerance_command, "form_tolerances", failing)
+    monkeypatch.setattr(tolerance_command, "form_tolerances", raising(UserError("no light")))
     names = [t.name for t in tolerances_of(Design.load(copy).system)]
     amounts = tmp_path / "shop.toml"
     amounts.write_text("\n".join(f'"{name}" = 0' for name in names if name != "index"), "utf-8")

@@ -8,9 +8,9 @@ import pytest
 
 from optics.exchange.results import ResultFolder
 from optics.light.analysis import measure, sequential
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import store_result, write_problem
+from tests.optics.cases import store_result
 from tests.optics.interface.commands.cases import refused, run
 
 EXTENDED = {
@@ -21,17 +21,8 @@ EXTENDED = {
 }
 
 
-@pytest.fixture
-def result(tmp_path):
-    def made(changes=None):
-        problem = load_problem(write_problem(tmp_path, changes))
-        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
-
-    return made
-
-
-def test_every_ray_and_every_watt_has_a_fate(capsys, result):
-    folder = result(EXTENDED)
+def test_every_ray_and_every_watt_has_a_fate(capsys, stored):
+    folder = stored(EXTENDED)
     done = run(capsys, "trace", folder, "--rays", 64, "--json")
     data = json.loads(done.out)
     assert done.code == 0
@@ -65,8 +56,8 @@ COLOURS = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450
     ],
     ids=["colours", "placed"],
 )
-def test_what_is_not_shown_is_said(capsys, result, changes, words, phases):
-    folder = result(changes)
+def test_what_is_not_shown_is_said(capsys, stored, changes, words, phases):
+    folder = stored(changes)
     done = run(capsys, "trace", folder, "--rays", 16)
     assert words in done.out
     assert (folder / "trace" / "phase_space.png").exists() is phases
@@ -78,9 +69,9 @@ def test_what_is_not_shown_is_said(capsys, result, changes, words, phases):
     [(PLATE | LAMP, 2), (LAMP | COLOURS, 2), (LAMP | {"lens.rear.slope_rms": 0.05}, 1)],
     ids=["plate", "colours", "rough"],
 )
-def test_trace_shows_the_light_that_is_measured(capsys, result, changes, images):
+def test_trace_shows_the_light_that_is_measured(capsys, stored, changes, images):
     """Of every lens of a plate, at every wavelength, spread by rough faces: fates and picture as measured."""
-    folder = result(changes)
+    folder = stored(changes)
     system, lens, _ = ResultFolder(folder).read()
     measured = measure(system, lens, system.backend)
     data = json.loads(run(capsys, "trace", folder, "--rays", 256, "--json").out)
@@ -121,18 +112,18 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
     assert "this is element.M1; export its rays by --light rear" in said
 
 
-def test_rays_are_counted_as_the_flux_is(backend, result):
+def test_rays_are_counted_as_the_flux_is(backend, stored):
     """Without Fresnel's losses flux and number agree: every ray carries the same."""
-    system, lens, _ = ResultFolder(result(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
+    system, lens, _ = ResultFolder(stored(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
     _, budget, counts = sequential(system, lens, backend, 64)
     for name, count in counts.items():
         assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
 
 
 @pytest.mark.slow
-def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
+def test_a_collimated_beam_needs_no_other_tracer(capsys, stored, tmp_path):
     done = run(
-        capsys, "trace", result(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single"
+        capsys, "trace", stored(), "--rays", 33, "--out", tmp_path / "deep" / "there", "--precision", "single"
     )
     assert done.code == 0
     assert "the sequential tracer suffices" in done.out
@@ -141,13 +132,13 @@ def test_a_collimated_beam_needs_no_other_tracer(capsys, result, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_far_field_is_traced_in_sequence(capsys, result):
-    folder = result({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]})
+def test_a_far_field_is_traced_in_sequence(capsys, stored):
+    folder = stored({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]})
     done = run(capsys, "trace", folder, "--rays", 33, "--json")
     assert (done.code, "nonsequential" in json.loads(done.out)) == (0, False)
 
 
 @pytest.mark.parametrize("rays", ["7", "100000"])
-def test_a_number_of_rays_out_of_range_is_refused(capsys, result, rays):
-    said = refused(capsys, "trace", result(), "--rays", rays)
+def test_a_number_of_rays_out_of_range_is_refused(capsys, stored, rays):
+    said = refused(capsys, "trace", stored(), "--rays", rays)
     assert "--rays must lie between 8 and 32768" in said

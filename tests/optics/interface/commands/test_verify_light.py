@@ -10,7 +10,7 @@ from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import raising, refused, strict_json
 from thbcad import write_step
 
 
@@ -92,10 +92,7 @@ def test_what_another_program_wrote_is_not_replaced(capsys, result):
 )
 @pytest.mark.parametrize("error", [ValueError("shapes differ"), np.linalg.LinAlgError("singular")])
 def test_a_check_that_breaks_is_no_bad_input(capsys, result, monkeypatch, arguments, fails, error):
-    def broken(*arguments):
-        raise error
-
-    monkeypatch.setattr(f"optics.exchange.verification.{fails}", broken)
+    monkeypatch.setattr(f"optics.exchange.verification.{fails}", raising(error))
     assert main(["verify", str(result.joinpath(*arguments)), "--no-optiland", "-v"]) == 70
     shown = capsys.readouterr().err
     assert "internal error" in shown
