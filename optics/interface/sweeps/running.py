@@ -17,7 +17,7 @@ from optics.base.workers import WorkerPool, require_workers, run_tasks, worker_p
 from optics.designing.progress import drawing
 from optics.interface.sweeps.sweep_folder import taken_folder, write_sweep
 from optics.interface.sweeps.sweep_rows import DONE, FAILED, INVALID, KILLED, Sweep, SweepRow
-from optics.interface.sweeps.sweep_store import StoredVariant, SweepStore
+from optics.interface.sweeps.sweep_store import SweepStore
 from optics.interface.sweeps.variant_work import Designed, Shared, Work, designed
 from optics.interface.sweeps.variants import Variant, all_variants, checked_ranges
 from optics.scene.problem import Problem
@@ -55,15 +55,9 @@ def compute(
             for result in results:
                 made = result.value or Designed({}, b"", "")
                 status = KILLED if result.killed else FAILED if result.failure else DONE
-                row = StoredVariant(
-                    status=status,
-                    sentence=result.failure,
-                    metrics=made.metrics,
-                    seconds=result.seconds,
-                    peak_mb=result.peak_mb,
-                    picture=made.picture,
-                )
-                store.add(tasks.variants[result.index].identity, tasks.changes(result.index), row, made.lens)
+                variant, spent = tasks.variants[result.index], (result.seconds, result.peak_mb)
+                row = SweepRow(variant.values, status, result.failure, made.metrics, *spent, made.picture)
+                store.add(variant.identity, tasks.changes(result.index), row, made.lens)
                 progress.count(bool(result.failure))
     except UserError as error:
         raise UserError(
@@ -200,7 +194,5 @@ def _missing(variants: Iterable[Variant], done: set[str]) -> list[Variant]:
 
 
 def _row(variant: Variant, store: SweepStore) -> SweepRow:
-    held = store.get(variant.identity) if variant.identity else None
-    if held is None:
-        return SweepRow(variant.values, INVALID, variant.refusal)
-    return SweepRow(variant.values, **held._asdict())
+    held = store.get(variant.identity, variant.values) if variant.identity else None
+    return held or SweepRow(variant.values, INVALID, variant.refusal)

@@ -11,10 +11,10 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from optics.base.runtime import UserError
-from optics.interface.sweeps.sweep_rows import DONE
+from optics.interface.sweeps.sweep_rows import DONE, SweepRow
 from thbcad import __version__
 
 SCHEMA, VERSION = "thbcad-sweep", 1
@@ -28,17 +28,6 @@ CREATE TABLE IF NOT EXISTS variants (
 );
 """
 COLUMNS = "status, sentence, metrics, seconds, peak_mb, picture"
-
-
-class StoredVariant(NamedTuple):
-    """A row of the file."""
-
-    status: str
-    sentence: str
-    metrics: dict[str, Any]
-    seconds: float
-    peak_mb: float
-    picture: bytes
 
 
 class SweepStore:
@@ -59,22 +48,22 @@ class SweepStore:
         )
         return {row[0] for row in rows}
 
-    def get(self, problem: str) -> StoredVariant | None:
-        """Return the row of a problem."""
+    def get(self, problem: str, values: tuple[Any, ...] = ()) -> SweepRow | None:
+        """Return the row of a problem.  values : of the varied keys, which the row is to have."""
         row = self._connection.execute(
             f"SELECT {COLUMNS} FROM variants WHERE problem = ?", (problem,)
         ).fetchone()
         if row is None:
             return None
         status, sentence, metrics, seconds, peak_mb, picture = row
-        return StoredVariant(status, sentence, json.loads(metrics), seconds, peak_mb, picture)
+        return SweepRow(values, status, sentence, json.loads(metrics), seconds, peak_mb, picture)
 
     def lens(self, problem: str) -> str:
         """Return the text of lens.json of a problem, "" where it was not kept."""
         row = self._connection.execute("SELECT lens FROM variants WHERE problem = ?", (problem,)).fetchone()
         return row[0] if row else ""
 
-    def add(self, problem: str, changes: Mapping[str, Any], row: StoredVariant, lens: str = "") -> None:
+    def add(self, problem: str, changes: Mapping[str, Any], row: SweepRow, lens: str = "") -> None:
         """Store a row; it is on the disk after the next commit, until which half a second of work may wait.
 
         A variant that is designed stays so where another try, for its lens, fails.
@@ -83,7 +72,8 @@ class SweepStore:
         if held is not None and held.status == DONE:
             return
         metrics = json.dumps(row.metrics)
-        values = (problem, json.dumps(dict(changes)), *row[:2], metrics, *row[3:], lens)
+        known = (row.status, row.sentence, metrics, row.seconds, row.peak_mb, row.picture)
+        values = (problem, json.dumps(dict(changes)), *known, lens)
         marks = ", ".join("?" * len(values))
         self._connection.execute(f"INSERT OR REPLACE INTO variants VALUES ({marks})", values)
         self._waiting, self._seconds = self._waiting + 1, self._seconds + row.seconds

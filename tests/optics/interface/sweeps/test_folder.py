@@ -10,11 +10,10 @@ from optics.exchange.results import writable_folder
 from optics.interface.sweeps import sweep_folder
 from optics.interface.sweeps.sweep_folder import RECORD, STORE, taken_folder, write_sweep
 from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
-from optics.interface.sweeps.sweep_store import StoredVariant
 from tests.optics.interface.sweeps.cases import problem
 
 KEYS = ("target.distance",)
-ROW = StoredVariant("done", "", {"rel_l2": 0.1}, 1.5, 300.0, b"")
+ROW = SweepRow((200,), "done", "", {"rel_l2": 0.1}, 1.5, 300.0, b"")
 
 
 @pytest.fixture
@@ -82,7 +81,7 @@ def written(folder, plots, monkeypatch):
     monkeypatch.setattr(sweep_folder, "metric_plots", lambda sweep: dict.fromkeys(plots, b"\x89PNG"))
     with taken_folder(folder, problem(), KEYS, False, False) as store:
         store.add("a", {}, ROW)
-        write_sweep(Sweep(folder, KEYS, [SweepRow((200,), "done", metrics=ROW.metrics)]), "title")
+        write_sweep(Sweep(folder, KEYS, [ROW]), "title")
 
 
 def files(folder):

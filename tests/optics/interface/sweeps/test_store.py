@@ -5,23 +5,26 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
 from optics.base.runtime import UserError
-from optics.interface.sweeps.sweep_store import StoredVariant, open_store
+from optics.interface.sweeps.sweep_rows import SweepRow
+from optics.interface.sweeps.sweep_store import open_store
 from tests.cases import ROOT
 
 ABOUT = {"problem": "p", "keys": "target.distance"}
-ROW = StoredVariant("done", "", {"rel_l2": 0.1, "ssim": None}, 1.5, 300.0, b"\x89PNG")
+ROW = SweepRow((), "done", "", {"rel_l2": 0.1, "ssim": None}, 1.5, 300.0, b"\x89PNG")
 WRITER = """
 import sys
+from dataclasses import replace
 from pathlib import Path
-from optics.interface.sweeps.sweep_store import StoredVariant, open_store
+from optics.interface.sweeps.sweep_store import open_store
 from tests.optics.interface.sweeps.test_store import ABOUT, ROW
 with open_store(Path(sys.argv[1]), ABOUT) as store:
     for k in range(10**9):
-        store.add(str(k), {"target.distance": k}, ROW._replace(picture=bytes([k % 256]) * 5000))
+        store.add(str(k), {"target.distance": k}, replace(ROW, picture=bytes([k % 256]) * 5000))
         if k % 100 == 99:
             store.commit()
             print(k + 1, flush=True)
@@ -42,7 +45,7 @@ def test_what_is_stored_is_read_back(tmp_path):
 def test_a_problem_has_one_row(tmp_path):
     with open_store(tmp_path / "s", ABOUT) as store:
         store.add("a", {}, ROW)
-        store.add("a", {}, ROW._replace(seconds=2.0))
+        store.add("a", {}, replace(ROW, seconds=2.0))
         assert store.get("a").seconds == 2.0
         assert len(store.problems()) == 1
 
@@ -51,7 +54,7 @@ def test_done_is_what_is_designed_and_has_its_lens_where_one_is_wanted(tmp_path)
     with open_store(tmp_path / "s", ABOUT) as store:
         for status in ("done", "failed", "killed"):
             for lens in ("", "{}"):
-                store.add(status + lens, {}, ROW._replace(status=status), lens)
+                store.add(status + lens, {}, replace(ROW, status=status), lens)
         assert store.done(with_lens=False) == {"done", "done{}"}
         assert store.done(with_lens=True) == {"done{}"}
 
@@ -60,7 +63,7 @@ def test_no_more_than_half_a_second_of_work_waits_for_the_disk(tmp_path):
     path = tmp_path / "s"
     with open_store(path, ABOUT) as store, open_store(path, ABOUT) as other:
         for name, seconds in (("a", 60.0), ("b", 0.2), ("c", 0.2), ("d", 0.2), ("e", 0.1)):
-            store.add(name, {}, ROW._replace(seconds=seconds))
+            store.add(name, {}, replace(ROW, seconds=seconds))
             if name == "a":
                 assert other.problems() == {"a"}
         assert other.problems() == {"a", "b", "c", "d"}
@@ -68,12 +71,12 @@ def test_no_more_than_half_a_second_of_work_waits_for_the_disk(tmp_path):
 
 @pytest.mark.parametrize("status", ["failed", "killed"])
 def test_what_is_designed_stays_where_another_try_for_its_lens_fails(tmp_path, status):
-    tried = ROW._replace(status=status, sentence="no memory", metrics={})
+    tried = replace(ROW, status=status, sentence="no memory", metrics={})
     with open_store(tmp_path / "s", ABOUT) as store:
         store.add("a", {}, ROW)
         store.add("a", {}, tried)
         assert store.get("a") == ROW
-        store.add("a", {}, ROW._replace(seconds=2.0), "{}")
+        store.add("a", {}, replace(ROW, seconds=2.0), "{}")
         assert (store.get("a").seconds, store.lens("a")) == (2.0, "{}")
         store.add("b", {}, tried)
         store.add("b", {}, ROW)
@@ -94,7 +97,7 @@ def test_a_killed_writer_leaves_every_committed_row_whole(tmp_path):
         held = store.problems()
         assert {str(k) for k in range(said[-1])} <= held
         for k in held:
-            assert store.get(k) == ROW._replace(picture=bytes([int(k) % 256]) * 5000)
+            assert store.get(k) == replace(ROW, picture=bytes([int(k) % 256]) * 5000)
 
 
 @pytest.mark.parametrize("key", ["problem", "keys"])
