@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from functools import cached_property
+from typing import Any
 
 from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
@@ -37,11 +39,8 @@ class DesignFigures:
             (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
             for optic, shape in system.free_others
         ]
-        self._lens = self.process.ask(
-            "optics.reporting.figures", "lens_figures", lens, history, plan, self._sides, others
-        )
-        solid = system.made(lens)
-        self._solid = self.process.ask("optics.reporting.figures", "solid_views", solid, self._sides)
+        self._lens = self._figures("lens_figures", lens, history, plan, self._sides, others)
+        self._solid = self._figures("solid_views", system.made(lens), self._sides)
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
@@ -52,12 +51,8 @@ class DesignFigures:
         fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
         plain, paths = system.plain, scene_paths(system, lens, backend)
         irradiance = measurement.irradiance
-        self._light = self.process.ask(
-            "optics.reporting.figures", "light_figures", plain, lens, measurement, fans
-        )
-        self._scene = self.process.ask(
-            "optics.reporting.figures", "scene_view", plain, lens, irradiance, paths
-        )
+        self._light = self._figures("light_figures", plain, lens, measurement, fans)
+        self._scene = self._figures("scene_view", plain, lens, irradiance, paths)
         self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
         self._seen_from = "behind" if system.axial else "beside"
 
@@ -70,11 +65,12 @@ class DesignFigures:
         """Draw every level that was kept."""
         plain = system.plain
         self._levels = [
-            self.process.ask(
-                "optics.reporting.figures", "level_figure", plain, k.name, k.lens, k.measurement, k.gradients
-            )
-            for k in levels
+            self._figures("level_figure", plain, k.name, k.lens, k.measurement, k.gradients) for k in levels
         ]
+
+    def _figures(self, function: str, *arguments: object) -> Future[Any]:
+        """Ask the process for what a function of the figures returns."""
+        return self.process.ask("optics.reporting.figures", function, *arguments)
 
     def levels(self) -> list[tuple[str, bytes]]:
         """Return (caption, PNG) of every level that was kept."""
