@@ -269,13 +269,10 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
     read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
     checks = solid_checks(lens, read, name, len(part.faces), body)
     walled = body.shaped or body.cavity is not None or (body.is_moulded and not body.rounded)
-    return files, [*checks, *_text_checks(lens, path, body)] if name == "step" and walled else checks
-
-
-def _text_checks(lens: Lens, path: Path, body: Body) -> list[Check]:
-    """Return the Check of the volume of a STEP file by its text, without OCCT."""
-    limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
-    return [volume_check(parse_brep(path), body.volume(lens), limit)]
+    if name == "step" and walled:  # by its text, without OCCT
+        limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
+        checks.append(volume_check(parse_brep(path), body.volume(lens), limit))
+    return files, checks
 
 
 def _faces(lens: Lens, name: str, path: Path) -> tuple[list[Path], list[Check]]:

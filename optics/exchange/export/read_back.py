@@ -207,13 +207,10 @@ def _samples(corners: Floats, triangles: Integers) -> Floats:
 
 
 def read_mesh(path: Path, name: str) -> Any:
-    """Return the mesh of a file as a trimesh.Trimesh, as a program that did not write it reads it."""
-    return _read_3mf(path) if name == "3mf" else _read_mesh(path, name)
-
-
-def _read_mesh(path: Path, name: str) -> Any:
-    """Return the mesh of a file of another format in mm, as a trimesh.Trimesh; corners of STL and GLB are
-    merged."""
+    """Return the mesh of a file in mm as a trimesh.Trimesh, as a program that did not write it reads it;
+    corners of STL and GLB are merged."""
+    if name == "3mf":
+        return _read_3mf(path)
     trimesh = import_module("trimesh")
     if name != "glb":
         return trimesh.load_mesh(path, file_type=name, process=name == "stl")
