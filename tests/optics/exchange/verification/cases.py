@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from optics.exchange.verification.step_file import StepFile
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import rough, write_problem
+from thbcad import write_step
 from thbcad.surfaces import THBSurface
 
 SPLINES = {"lens.front.radius": 60.0, "lens.front.conic": -1.0}  # a paraboloid: both faces are splines
@@ -61,6 +63,14 @@ EVERY_LENS = [
     pytest.param(changes, id=name, marks=[pytest.mark.slow] if name == "dense net" else [])
     for name, changes in LENSES.items()
 ]
+
+
+def written(folder, changes=None):
+    """Return (system, lens, STEP file) of `shaped`."""
+    problem, lens = shaped(folder, changes)
+    file = StepFile(folder / "lens.step")
+    write_step(lens, file.path)
+    return OpticalSystem(problem), lens, file
 
 
 def shaped(folder, changes=None, height=0.05):

@@ -16,11 +16,10 @@ from optics.exchange.verification.step_checks import surface_deviation, verify
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.traced_faces import ConicFace
 from optics.scene.receivers import receiver_at
-from optics.scene.system import OpticalSystem
 from tests.cases import examples
 from tests.optics.cases import failing, moved_point
-from tests.optics.exchange.verification.cases import shaped
-from thbcad import FreeformSurface, Lens, write_step
+from tests.optics.exchange.verification.cases import written
+from thbcad import FreeformSurface, Lens
 from thbcad.lens import optical_forms, placed_surfaces
 from thbcad.sags import Conic, PlacedConic
 
@@ -48,11 +47,8 @@ EVERY_PAIR = [
 @pytest.mark.parametrize(("front", "rear"), EVERY_PAIR)
 def test_every_program_traces_the_file(tmp_path, backend, front, rear):
     """By OCCT, by closed forms, and by optiland: landing points within 1e-8 mm, numbers exact."""
-    problem, lens = shaped(tmp_path, FRONTS[front] | REARS[rear])
-    file = StepFile(tmp_path / "lens.step")
-    write_step(lens, file.path)
-    system = OpticalSystem(problem)
-    assert problem.verify.landing == 1e-8
+    system, lens, file = written(tmp_path, FRONTS[front] | REARS[rear])
+    assert system.problem.verify.landing == 1e-8
     checks = [
         *text_and_occt_checks(system, lens, file, backend),
         *verify(system, lens, file, backend),
@@ -70,12 +66,8 @@ def test_every_program_traces_the_file(tmp_path, backend, front, rear):
 @pytest.fixture(scope="module", params=["plane", "sphere", "hyperboloid"])
 def good(request, tmp_path_factory):
     """A lens with a conic front, its system and the text of its STEP file."""
-    folder = tmp_path_factory.mktemp("conics")
-    problem, lens = shaped(folder, FRONTS[request.param] | REARS["equal"])
-    write_step(lens, folder / "lens.step")
-    return SimpleNamespace(
-        system=OpticalSystem(problem), lens=lens, text=(folder / "lens.step").read_text(), kind=request.param
-    )
+    system, lens, file = written(tmp_path_factory.mktemp("conics"), FRONTS[request.param] | REARS["equal"])
+    return SimpleNamespace(system=system, lens=lens, text=file.path.read_text(), kind=request.param)
 
 
 def moved_front(good, step):

@@ -17,7 +17,7 @@ from optics.scene.system import OpticalSystem
 from oracles.light_formulas import fresnel, meridional
 from tests.cases import slow_unless
 from tests.optics.cases import failing, moved_point, small_lens
-from tests.optics.exchange.verification.cases import EVERY_SHAPE, LENSES, SPLINES, shaped
+from tests.optics.exchange.verification.cases import EVERY_SHAPE, LENSES, SPLINES, shaped, written
 from tests.optics.exchange.verification.changed_texts import moved
 from thbcad import write_step
 from thbcad.cad.exchange import compact, step_solid
@@ -51,40 +51,32 @@ RULED = SPLINES | {"lens.rear.half_width": [8.0, 9.0]}
     ],
 )
 def good(request, tmp_path_factory):
-    """A lens with plane or with ruled edges, its problem, and the text of its STEP file."""
-    folder = tmp_path_factory.mktemp("strangers")
-    problem, lens = shaped(folder, request.param)
-    write_step(lens, folder / "lens.step")
-    return SimpleNamespace(
-        problem=problem, lens=lens, text=(folder / "lens.step").read_text(), ruled=request.param == RULED
-    )
+    """A lens with plane or with ruled edges, its system, and the text of its STEP file."""
+    system, lens, file = written(tmp_path_factory.mktemp("strangers"), request.param)
+    return SimpleNamespace(system=system, lens=lens, text=file.path.read_text(), ruled=request.param == RULED)
 
 
 def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
-    system, file = OpticalSystem(good.problem), StepFile(folder / "lens.step")
-    return {*failing(text_and_occt_checks(system, good.lens, file, backend))}
+    file = StepFile(folder / "lens.step")
+    return {*failing(text_and_occt_checks(good.system, good.lens, file, backend))}
 
 
 @pytest.mark.every(3)
 @pytest.mark.parametrize("name", slow_unless(EVERY_SHAPE.__contains__, LENSES))
 def test_a_good_file_passes(tmp_path, backend, name):
-    problem, lens = shaped(tmp_path, LENSES[name])
-    path = tmp_path / "lens.step"
-    write_step(lens, path)
-    checks = text_and_occt_checks(OpticalSystem(problem), lens, StepFile(path), backend)
+    system, lens, file = written(tmp_path, LENSES[name])
+    checks = text_and_occt_checks(system, lens, file, backend)
     assert failing(checks) == []
     assert {c.name for c in checks} >= {LANDING, REAR, FRONT, EDGES, RIMS, UNIT, FACES, UNPAIRED, GAPS}
-    assert next(c for c in checks if c.name == LANDING).limit == problem.verify.landing == 1e-8
-    assert failing(bare_checks(StepFile(path)).checks) == []
+    assert next(c for c in checks if c.name == LANDING).limit == system.problem.verify.landing == 1e-8
+    assert failing(bare_checks(file).checks) == []
 
 
 def test_rays_without_light_do_not_count(tmp_path, backend):
-    problem, lens = shaped(tmp_path, {"source.profile": "round"})
-    write_step(lens, tmp_path / "lens.step")
-    file = StepFile(tmp_path / "lens.step")
-    assert failing(text_and_occt_checks(OpticalSystem(problem), lens, file, backend)) == []
+    system, lens, file = written(tmp_path, {"source.profile": "round"})
+    assert failing(text_and_occt_checks(system, lens, file, backend)) == []
 
 
 def test_a_lens_of_another_index_than_the_problem_names_is_traced_with_its_own(tmp_path, backend):

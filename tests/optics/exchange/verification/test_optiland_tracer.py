@@ -10,14 +10,12 @@ import pytest
 from optics.exchange.verification import optiland_tracer as module
 from optics.exchange.verification.optiland_tracer import optiland_available, optiland_checks, optiland_trace
 from optics.exchange.verification.reference_tracer import trace_step
-from optics.exchange.verification.step_file import StepFile
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Profile, lambertian_parts
-from optics.scene.system import OpticalSystem
 from oracles.light_formulas import fresnel, meridional
 from tests.cases import slow_unless
 from tests.optics.cases import failing, hollow_lens, moved_point, small_lens
-from tests.optics.exchange.verification.cases import EVERY_SHAPE, LENSES, shaped
+from tests.optics.exchange.verification.cases import EVERY_SHAPE, LENSES, written
 from thbcad import read_step, write_step
 from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
@@ -55,30 +53,26 @@ def rough_hollow(height=0.1, spans=4):
     "name", slow_unless(lambda name: name in EVERY_SHAPE and name != "sphere front", LENSES)
 )
 def test_a_good_file_passes(tmp_path, backend, name):
-    problem, lens = shaped(tmp_path, LENSES[name])
-    write_step(lens, tmp_path / "lens.step")
-    checks = optiland_checks(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+    system, lens, file = written(tmp_path, LENSES[name])
+    checks = optiland_checks(system, lens, file, backend)
     assert failing(checks) == []
     assert [c.name for c in checks] == [FATE, LANDING, IRRADIANCE]
-    assert [c.limit for c in checks] == [0, problem.verify.landing, problem.verify.irradiance]
+    limits = system.problem.verify
+    assert [c.limit for c in checks] == [0, limits.landing, limits.irradiance]
 
 
 def test_rays_without_light_do_not_count(tmp_path, backend):
-    problem, lens = shaped(tmp_path, {"source.profile": "round"})
-    write_step(lens, tmp_path / "lens.step")
-    file = StepFile(tmp_path / "lens.step")
-    assert failing(optiland_checks(OpticalSystem(problem), lens, file, backend)) == []
+    system, lens, file = written(tmp_path, {"source.profile": "round"})
+    assert failing(optiland_checks(system, lens, file, backend)) == []
 
 
 def test_a_pole_moved_by_a_nanometre_is_caught(tmp_path, backend):
     """Slopes of 1e-6 mm over a span of a few mm move the light by more than 1e-8 mm on a target 60 mm
     away."""
-    problem, lens = shaped(tmp_path)
-    file = StepFile(tmp_path / "lens.step")
-    write_step(lens, file.path)
+    system, lens, file = written(tmp_path)
     pole = placed_surfaces(lens)[1].coefficients[4, 5]
     file.path.write_text(moved_point(file.path.read_text(), pole, [0.0, 0.0, 1e-6]))
-    assert LANDING in failing(optiland_checks(OpticalSystem(problem), lens, file, backend))
+    assert LANDING in failing(optiland_checks(system, lens, file, backend))
 
 
 def test_rays_land_where_snells_law_in_angles_sends_them():
