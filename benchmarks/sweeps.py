@@ -6,17 +6,19 @@ Run: thbcad bench sweeps
 from __future__ import annotations
 
 import time
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
+from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.rows.row import Row
 from optics.base.runtime import ProgressEvent
-from optics.interface.sweeps import Designed, Shared, Sweep, SweepPlan, Work, run_sweep, sweep
+from optics.interface.sweeps import Designed, Shared, Sweep, Work, sweep
 from optics.scene.problem import load_problem
 from oracles.sweep_programs import DISTANCES, Cluster, children, kill, some_stored, start_sweep, stored
 
@@ -66,10 +68,10 @@ def _overhead() -> list[Row]:
     """Return what a variant costs beside its own time, and how much the client grows."""
     memory: list[float] = []
     ranges = {"target.distance": np.linspace(200, 400, MANY)}
-    with TemporaryDirectory() as folder:
-        plan = SweepPlan(load_problem(PROBLEM), ranges, Path(folder), WORKERS)
+    problem, show = load_problem(PROBLEM), partial(_sample, memory=memory)
+    with TemporaryDirectory() as folder, patch("optics.interface.sweeps.running.designed", idle):
         start = perf_counter()
-        found = run_sweep(plan, lambda event: _sample(event, memory), idle)
+        found = sweep(problem, ranges, folder, WORKERS, progress=show)
         seconds = perf_counter() - start
     if found.counts()["done"] != MANY:
         raise ValueError(f"not all variants were computed: {found.counts()}")

@@ -9,7 +9,7 @@ from typing import Any
 from optics.base.runtime import UserError, note, speaking_of
 from optics.interface.commands.outcome import DONE, MISSED, PART_FAILS, Outcome
 from optics.interface.commands.problem_options import changes_of, result_path
-from optics.interface.sweeps import STORE, Sweep, SweepPlan, run_sweep, value_list
+from optics.interface.sweeps import STORE, Sweep, sweep as run, value_list
 from optics.scene.problem import load_problem
 
 
@@ -23,18 +23,19 @@ def sweep(options: Namespace) -> Outcome:
             if key in ranges:
                 raise UserError(f"{key} is varied twice; give all its values at once")
             ranges[key] = values
-    plan = SweepPlan(
-        problem=load_problem(options.problem, changes_of(options)),
-        ranges=ranges,
-        folder=out,
-        workers=options.workers,
-        scheduler=options.scheduler,
-        resume=options.resume,
-        force=options.force,
-        keep_lenses=options.lenses,
-    )
+    problem = load_problem(options.problem, changes_of(options))
     try:
-        found = run_sweep(plan, progress=True)
+        found = run(
+            problem,
+            ranges,
+            out,
+            options.workers,
+            options.scheduler,
+            progress=True,
+            resume=options.resume,
+            force=options.force,
+            keep_lenses=options.lenses,
+        )
     except KeyboardInterrupt:
         if (out / STORE).exists():  # else nothing was done
             note(f"what is done is stored in {out}; the same command with --resume goes on")

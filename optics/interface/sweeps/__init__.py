@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from .running import SweepPlan, run_sweep, sweep
+    from .running import sweep
     from .sweep_folder import STORE
     from .sweep_rows import Sweep, SweepRow
     from .variant_work import Designed, Shared, Work

@@ -7,7 +7,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -25,43 +24,32 @@ from optics.scene.problem import Problem
 VARIANT, TABLES = 3.0, 2.0  # expected seconds: of a variant, and of tables and plots
 
 
-@dataclass(frozen=True)
-class Tasks:
-    """What is to be computed.  keys : that are varied.  keep_lenses : the store keeps lenses too."""
-
-    keys: tuple[str, ...]
-    variants: Sequence[Variant]
-    shared: Shared
-    keep_lenses: bool = False
-
-    def changes(self, index: int) -> dict[str, Any]:
-        return dict(zip(self.keys, self.variants[index].values))
-
-
 def compute(
-    tasks: Tasks,
+    keys: Sequence[str],
+    variants: Sequence[Variant],
+    shared: Shared,
+    keep_lenses: bool,
     pool: WorkerPool,
     store: SweepStore,
     progress: SweepProgress,
-    function: Callable[[Shared, Work], Designed],
 ) -> None:
-    """Compute variants and store a row for each.
+    """Compute variants and store a row for each.  keep_lenses : the store keeps lenses too.
 
     Raises UserError : there are no workers any more; what is stored stays.
     """
-    items = (Work(tasks.changes(index), tasks.keep_lenses) for index in range(len(tasks.variants)))
+    items = (Work(dict(zip(keys, variant.values)), keep_lenses) for variant in variants)
     try:
-        with closing(run_tasks(function, items, pool, tasks.shared)) as results:
+        with closing(run_tasks(designed, items, pool, shared)) as results:
             for result in results:
                 made = result.value or Designed({}, b"", "")
                 status = KILLED if result.killed else FAILED if result.failure else DONE
-                variant, spent = tasks.variants[result.index], (result.seconds, result.peak_mb)
+                variant, spent = variants[result.index], (result.seconds, result.peak_mb)
                 row = SweepRow(variant.values, status, result.failure, made.metrics, *spent, made.picture)
-                store.add(variant.identity, tasks.changes(result.index), row, made.lens)
+                store.add(variant.identity, dict(zip(keys, variant.values)), row, made.lens)
                 progress.count(bool(result.failure))
     except UserError as error:
         raise UserError(
-            f"{error}; {progress.done} of {len(tasks.variants)} variants were stored, the same command with "
+            f"{error}; {progress.done} of {len(variants)} variants were stored, the same command with "
             "--resume goes on"
         ) from None
 
@@ -107,25 +95,6 @@ class SweepProgress:
         )
 
 
-@dataclass(frozen=True)
-class SweepPlan:
-    """What a sweep shall do.
-
-    ranges : values by key.  workers, scheduler : as `optics.base.workers.worker_pool`.
-    resume : the folder must hold this sweep.  force : what it holds is replaced.
-    keep_lenses : the store keeps the lens of every variant too; what is stored without is designed again.
-    """
-
-    problem: Problem
-    ranges: Mapping[str, Sequence[Any]]
-    folder: Path
-    workers: int | None = None
-    scheduler: str | None = None
-    resume: bool = False
-    force: bool = False
-    keep_lenses: bool = False
-
-
 def sweep(
     problem: Problem,
     ranges: Mapping[str, Sequence[Any]],
@@ -147,42 +116,31 @@ def sweep(
     workers : processes of this machine, None for as many as cores.  scheduler : address of a dask scheduler
         whose workers are taken instead.
     progress : True draws a bar; a function is called with every `optics.base.runtime.ProgressEvent`.
-    resume, force, keep_lenses : see `SweepPlan`.
+    resume : the folder must hold this sweep.  force : what it holds is replaced.
+    keep_lenses : the store keeps the lens of every variant too; what is stored without is designed again.
 
     Raises UserError : a key or value that no variant can have; a folder of another sweep; no workers.
     """
     if not isinstance(problem, Problem):
         raise UserError(f"sweep takes a Problem, got {problem!r}; optics.load_problem reads a file")
-    plan = SweepPlan(problem, ranges, Path(out), workers, scheduler, resume, force, keep_lenses)
-    return run_sweep(plan, progress)
-
-
-def run_sweep(
-    plan: SweepPlan,
-    progress: bool | Callable[[ProgressEvent], None] | None = None,
-    function: Callable[[Shared, Work], Designed] = designed,
-) -> Sweep:
-    """Run a sweep and return it, see `sweep`.  function : what computes a variant."""
-    require_workers(plan.workers, plan.scheduler)
-    if plan.keep_lenses and len(plan.problem.free_optics) > 1:
-        names = " and ".join(optic.table for optic in plan.problem.free_optics)
+    require_workers(workers, scheduler)
+    if keep_lenses and len(problem.free_optics) > 1:
+        names = " and ".join(optic.table for optic in problem.free_optics)
         raise UserError(
             f"a sweep keeps the lens of one free element, got {names}; leave the lenses out, and design the "
             "variants that are wanted"
         )
-    problem, ranges, keys = plan.problem, checked_ranges(plan.ranges), tuple(plan.ranges)
-    variants = all_variants(problem, ranges)
-    with taken_folder(plan.folder, problem, keys, plan.resume, plan.force) as store:
-        missing = _missing(variants, store.done(plan.keep_lenses))
+    variants, folder, keys = all_variants(problem, checked_ranges(ranges)), Path(out), tuple(ranges)
+    with taken_folder(folder, problem, keys, resume, force) as store:
+        missing = _missing(variants, store.done(keep_lenses))
         with SweepProgress(progress, len(missing)) as shown:
             if missing:
                 paths = {path for variant in missing for path in variant.files}
-                files = {path: Path(path).read_bytes() for path in paths}
-                tasks = Tasks(keys, missing, Shared(problem, files), plan.keep_lenses)
-                with worker_pool(plan.workers, plan.scheduler, len(missing)) as pool:
-                    compute(tasks, pool, store, shown, function)
+                shared = Shared(problem, {path: Path(path).read_bytes() for path in paths})
+                with worker_pool(workers, scheduler, len(missing)) as pool:
+                    compute(keys, missing, shared, keep_lenses, pool, store, shown)
             shown.tables()
-            found = Sweep(plan.folder, keys, [_row(variant, store) for variant in variants])
+            found = Sweep(folder, keys, [_row(variant, store) for variant in variants])
             write_sweep(found, problem.title)
     return found
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from optics.interface.commands import main
-from optics.interface.sweeps import run_sweep
 from tests.browser import Browser, browser_path, pdf_pages
 from tests.cases import EXAMPLES
 from tests.optics.cases import write_problem
@@ -88,8 +87,7 @@ def test_so_are_the_pages_of_tolerances_and_tools(browser, golden, tmp_path, cap
 
 def test_so_is_the_page_of_a_sweep(browser, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("optics.interface.sweeps.running.worker_pool", thread_pool)
-    run = "optics.interface.commands.sweep_command.run_sweep"
-    monkeypatch.setattr(run, lambda *a, **k: run_sweep(*a, **k | {"function": picky}))
+    monkeypatch.setattr("optics.interface.sweeps.running.designed", picky)
     words = ["--vary", "target.distance=200:300:2", "--out", str(tmp_path), "--quiet"]
     main(["sweep", str(EXAMPLES / "tophat_circle.toml"), *words])
     look_at(browser, tmp_path / "sweep.html")

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 from optics.interface.commands import main
-from optics.interface.sweeps import run_sweep
+from optics.interface.sweeps import sweep
 from tests.cases import EXAMPLES
 from tests.optics.interface.commands.cases import refused
 from tests.optics.interface.sweeps.cases import picky, quick, thread_pool
@@ -20,8 +20,7 @@ def by(monkeypatch):
     """Return a function that sets what stands in for the design, on a thread and without plots."""
     monkeypatch.setattr("optics.interface.sweeps.running.worker_pool", thread_pool)
     monkeypatch.setattr("optics.interface.sweeps.sweep_folder.metric_plots", lambda sweep: {})
-    run = "optics.interface.commands.sweep_command.run_sweep"
-    return lambda function: monkeypatch.setattr(run, partial(run_sweep, function=function))
+    return partial(monkeypatch.setattr, "optics.interface.sweeps.running.designed")
 
 
 def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path, capsys):
@@ -38,12 +37,12 @@ def test_a_stopped_sweep_says_that_it_goes_on_where_something_is_stored(
 ):
     by(quick)
 
-    def stopped(plan, progress):
+    def stopped(*plan, **options):
         if done:
-            run_sweep(plan, function=quick)
+            sweep(*plan, **options)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("optics.interface.commands.sweep_command.run_sweep", stopped)
+    monkeypatch.setattr("optics.interface.commands.sweep_command.run", stopped)
     assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path)]) == 130
     assert ("the same command with --resume goes on" in capsys.readouterr().err) is done
 

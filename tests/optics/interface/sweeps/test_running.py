@@ -4,7 +4,6 @@ import csv
 import json
 import re
 from dataclasses import replace
-from functools import partial
 
 import pytest
 
@@ -12,7 +11,6 @@ import optics
 from optics.base.runtime import UserError
 from optics.exchange.results import fingerprint
 from optics.interface.sweeps import running, sweep_folder, sweep_views
-from optics.interface.sweeps.running import run_sweep
 from optics.interface.sweeps.sweep_rows import SweepRow
 from optics.interface.sweeps.sweep_store import open_store
 from optics.interface.sweeps.sweep_views import _texts
@@ -34,7 +32,7 @@ def design(monkeypatch):
     """Return a function that sets what stands in for the design, on processes of this machine."""
 
     def use(function):
-        monkeypatch.setattr(running, "run_sweep", partial(run_sweep, function=function))
+        monkeypatch.setattr(running, "designed", function)
 
     use(quick)
     return use
