@@ -69,6 +69,18 @@ def run(capsys, *arguments):
     return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
 
+def printed(capsys, *arguments, code=0):
+    """Run a command that must end with an exit code, and return what it prints on stdout."""
+    done = run(capsys, *arguments)
+    assert done.code == code, done.err
+    return done.out
+
+
+def data_of(capsys, *arguments, code=0):
+    """Run a command with --json that must end with an exit code, and return its data."""
+    return strict_json(printed(capsys, *arguments, "--json", code=code))
+
+
 def refused(capsys, *arguments):
     """Run a command that must end with exit code 2 and one line on stderr, and return the line."""
     done = run(capsys, *arguments)

@@ -18,7 +18,7 @@ from optics.interface.commands.problem_options import changes_of
 from optics.scene.problem import ENGINES, STARTS, load_problem
 from tests.cases import EXAMPLES, ROOT
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import QUICK, raising, refused
+from tests.optics.interface.commands.cases import QUICK, printed, raising, refused
 
 NAMES = sorted(parsers()[1])
 PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
@@ -195,8 +195,7 @@ def test_a_folder_is_not_named_after_a_file_whose_name_windows_refuses(arguments
 @pytest.mark.slow
 def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
     path = write_problem(tmp_path)
-    assert main(["check", str(path), "--set", "title=other title", "--set", "lens.thickness=7"]) == 0
-    out = capsys.readouterr().out
+    out = printed(capsys, "check", path, "--set", "title=other title", "--set", "lens.thickness=7")
     assert out.startswith("other title: the problem is valid")
     assert "least thickness 7 mm" in out
 
@@ -260,8 +259,7 @@ def test_verbose_shows_the_traceback_of_what_the_input_did_not_cause(error, caps
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
 def test_completion_knows_every_command(shell, capsys):
-    assert main(["completion", shell]) == 0
-    script = capsys.readouterr().out
+    script = printed(capsys, "completion", shell)
     assert all(re.search(rf"\b{name}\b", script) for name in NAMES)
 
 

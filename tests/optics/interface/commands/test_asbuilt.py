@@ -9,7 +9,7 @@ import pytest
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands.cli import main
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, refused
 from thbcad.cad import read_step
 from thbcad.io import read_lens
 
@@ -29,8 +29,7 @@ def test_a_measured_file_becomes_a_lens_and_its_light(capsys, golden, tmp_path) 
     lens = ResultFolder(golden.path).read_lens()
     file, out = measured(tmp_path, lens), tmp_path / "made"
     options = ["asbuilt", golden.path, "--measured", file, "--height-unit", "um", "--out", out]
-    assert main([*map(str, options), "--json"]) == 0
-    data = strict_json(capsys.readouterr().out)
+    data = data_of(capsys, *options)
     assert data["points"] == 2500
     assert data["change"] > 1e-3
     assert data["alignments"]["datums"]["rms_mm"] == pytest.approx(5e-4 / np.sqrt(2), rel=0.05)
@@ -41,8 +40,8 @@ def test_a_measured_file_becomes_a_lens_and_its_light(capsys, golden, tmp_path) 
     assert made.rear([1.7], [0.3])[0] - lens.rear([1.7], [0.3])[0] == pytest.approx(
         5e-4 * np.sin(2 * np.pi * 1.7 / 8), abs=2e-5
     )
-    assert main([*map(str, options), "--align", "best-fit"]) == 0  # its own files are replaced
-    assert "aligned by best fit" in capsys.readouterr().out
+    # its own files are replaced
+    assert "aligned by best fit" in printed(capsys, *options, "--align", "best-fit")
     (out / "light.png").write_bytes(b"somebody else's")
     assert "light.png" in refused(capsys, *options)
 

@@ -6,7 +6,7 @@ import pytest
 from optics.designing.optimisation import State
 from optics.interface.commands import main
 from tests.optics.cases import picture, write_problem
-from tests.optics.interface.commands.cases import QUICK, raising, refused, strict_json
+from tests.optics.interface.commands.cases import QUICK, data_of, raising, refused, strict_json
 
 COARSE = {"lens.rear.freeform.max_level": 0, "verify.rel_l2": 2.0}
 
@@ -69,14 +69,13 @@ def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
 def test_a_picture_of_3_by_3_pixels_works(tmp_path, capsys, changes):
     image = np.array([[0, 90, 255], [10, 200, 30], [255, 0, 60]], dtype=np.uint8)
     problem = write_problem(tmp_path, QUICK | COARSE | changes, image)
-    assert main(["design", str(problem), "--out", str(tmp_path / "out"), "--json"]) == 0
-    strict_json(capsys.readouterr().out)
+    data_of(capsys, "design", problem, "--out", tmp_path / "out")
 
 
 @pytest.mark.slow
 def test_a_new_run_replaces_an_old_result(copy, tmp_path, capsys):
     before = strict_json((copy / "metrics.json").read_text())
     problem = write_problem(tmp_path, QUICK | {"lens.rear.freeform.max_level": 0}, picture()[::-1].copy())
-    assert main(["design", str(problem), "--out", str(copy), "--json", "--force"]) == 0
-    assert strict_json(capsys.readouterr().out)["metrics"]["rel_l2"] != before["rel_l2"]
+    data = data_of(capsys, "design", problem, "--out", copy, "--force")
+    assert data["metrics"]["rel_l2"] != before["rel_l2"]
     assert main(["verify", str(copy), "--no-optiland"]) == 0

@@ -10,7 +10,7 @@ from benchmarks.rows.pages import benchmark_tables
 from benchmarks.rows.stored_rows import machine_facts
 from optics.interface.commands import bench_command, main
 from tests.cases import ROOT
-from tests.optics.interface.commands.cases import refused
+from tests.optics.interface.commands.cases import data_of, printed, refused
 
 BENCHMARK = '''"""Two
 lines | of one sentence.
@@ -80,10 +80,9 @@ def parts(checkout):
 
 
 def test_rows_are_stored_as_they_are_printed(checkout, capsys):
-    assert main(["bench", "tiny", "--store", "--json"]) == 1  # a limit is missed
-    printed = json.loads(capsys.readouterr().out)
+    rows = data_of(capsys, "bench", "tiny", "--store", code=1)  # a limit is missed
     stored = json.loads((checkout / "docs" / "data" / "tiny.json").read_text())
-    assert stored["rows"] == printed
+    assert stored["rows"] == rows
     assert stored["rows"][0] == {
         "name": "time",
         "value": 12.3456,
@@ -113,8 +112,7 @@ def test_the_table_of_a_benchmark_says_what_was_extrapolated(checkout, capsys):
 
 def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, capsys):
     main(["bench", "tiny", "--store"])
-    assert main(["bench", "--markdown"]) == 0
-    assert "wrote docs/benchmarks.md" in capsys.readouterr().out
+    assert "wrote docs/benchmarks.md" in printed(capsys, "bench", "--markdown")
     page = (checkout / "docs" / "benchmarks.md").read_text().splitlines()
     assert "## tiny" in page
     assert "Two lines | of one sentence." in page
@@ -131,8 +129,7 @@ def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, caps
     assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
     quoted = (checkout / "docs" / "page.md").read_text()
     assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
-    assert main(["bench", "--markdown"]) == 0
-    assert "every page is up to date" in capsys.readouterr().out
+    assert "every page is up to date" in printed(capsys, "bench", "--markdown")
 
 
 @pytest.mark.parametrize(
@@ -166,10 +163,8 @@ def test_parts_are_for_benchmarks_that_have_them_and_never_stored(parts, capsys,
 
 
 def test_a_benchmark_gets_the_parts_that_are_asked_for(parts, capsys):
-    assert main(["bench", "parts", "--quick", "--only", "4", "--resume", "--json"]) == 0
-    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [True, 4, True]
-    assert main(["bench", "parts", "--json"]) == 0
-    assert [row["value"] for row in json.loads(capsys.readouterr().out)] == [False, 0, False]
+    for words, values in ((("--quick", "--only", "4", "--resume"), [True, 4, True]), ((), [False, 0, False])):
+        assert [row["value"] for row in data_of(capsys, "bench", "parts", *words)] == values
 
 
 def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_published(parts, capsys):
@@ -179,8 +174,7 @@ def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_
     assert (parts / "docs" / "own" / "numbers.txt").exists()
     main(["bench", "tiny", "--store"])  # the pages of the checkout quote it
     capsys.readouterr()
-    assert main(["bench", "--markdown"]) == 0
-    assert "wrote docs/own/page.md" in capsys.readouterr().out
+    assert "wrote docs/own/page.md" in printed(capsys, "bench", "--markdown")
     assert (parts / "docs" / "own" / "page.md").read_text() == "The number is 42"
 
 

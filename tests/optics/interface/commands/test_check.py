@@ -10,16 +10,14 @@ from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from tests.cases import ROOT
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import refused
+from tests.optics.interface.commands.cases import data_of, printed, refused
 
 
 @pytest.mark.slow
 def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"lens.density": 1.2}))
-    assert main(["check", path]) == 0
-    brief = capsys.readouterr().out
-    assert main(["check", path, "--explain"]) == 0
-    full = capsys.readouterr().out
+    brief = printed(capsys, "check", path)
+    full = printed(capsys, "check", path, "--explain")
     assert "skips the search" in full
     assert "skip" not in brief
     for word in (" g; rear with", "z_freedom allows", "rel_l2: ", "of index", "of ripple", "of decentre"):
@@ -42,8 +40,7 @@ def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, caps
     said = capsys.readouterr().out
     assert wide in said
     assert "blocked" not in said
-    assert main(["check", path, "--set", "lens.clear_aperture=[8, 8]", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["expected"]
+    found = data_of(capsys, "check", path, "--set", "lens.clear_aperture=[8, 8]")["expected"]
     assert found["blocked"] == pytest.approx(1 - (8 / 9.5) ** 2, abs=1e-5)
     assert found["least"]["rear"] == pytest.approx([8, 8], rel=1 / 256)  # corners of cells
     stop = 'stop=[{shape="ellipse", half_width=[6, 6], position=[0, 0, -1]}]'
@@ -71,8 +68,7 @@ def test_check_asks_whether_lengths_of_a_tiny_lens_or_target_are_in_mm(tmp_path,
         ([f"{face}.half_width=[0.02, 0.02]" for face in ("source", "lens.front", "lens.rear")], ["lens"]),
     ):
         options = [word for change in changes for word in ("--set", change)]
-        assert main(["check", path, *options]) == 0
-        said = capsys.readouterr().out
+        said = printed(capsys, "check", path, *options)
         assert re.findall(r"note: the (\w+) is [\d.]+ mm wide; every length is in mm", said) == asked
 
 
@@ -88,8 +84,7 @@ def test_check_names_one_remedy_for_a_steep_surface_that_z_freedom_cuts_off(tmp_
     """Half of a far field is 50 degrees wide; the rear bends light by less than 48.2."""
     wide = {"target.kind": "tophat", "target.distance": math.inf, "target.half_width": [50.0, 50.0]}
     path = str(write_problem(tmp_path, wide | {"lens.thickness": 20.0, "lens.rear.freeform.z_freedom": 3.0}))
-    assert main(["check", path]) == 0
-    said = capsys.readouterr().out
+    said = printed(capsys, "check", path)
     assert "no z_freedom helps" in said
     assert "reflected at the rear, which bends it far" in said
     assert said.count("--set 'target.half_width=") == 1
@@ -99,8 +94,7 @@ def test_check_says_by_what_light_is_blocked(tmp_path, capsys):
     """A bar of 3 % of a beam of 19 mm; it and a clear aperture leave the product of what each leaves."""
     bar = 'stop=[{name="bar", shape="rectangle", half_width=[0.285, 30], position=[3, 0, -1], hole=false}]'
     path = str(write_problem(tmp_path, {}))
-    assert main(["check", path, "--set", bar, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["expected"]
+    found = data_of(capsys, "check", path, "--set", bar)["expected"]
     assert found["blocked"] == pytest.approx(0.03, abs=5e-5)
     assert found["blocking"] == {"stop.bar": found["blocked"]}
     assert main(["check", path, "--set", bar, "--set", "lens.clear_aperture=[9.5, 8]"]) == 0
@@ -116,8 +110,7 @@ def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):
     multiples of that."""
     changes = {"lens.material": "PC", "source.spectrum": [[450, 1], [650, 1]]}
     path = str(write_problem(tmp_path, changes, drop=("lens.index",)))
-    assert main(["check", path]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(capsys, "check", path).splitlines()
     (plain,) = (x for x in lines if x.startswith("0.001 of index shifts"))
     (grade,) = (x for x in lines if x.startswith("PC: another grade or melt may differ by 0.006"))
     (colours,) = (x for x in lines if x.startswith("from 450 to 650 nm the index falls by 0.0287"))
@@ -127,8 +120,7 @@ def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):
 
 def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"lens.material": "PMMA"}, drop=("lens.index",)))
-    assert main(["check", path, "--set", "source.spectrum=LED-B1"]) == 0
-    assert "the index falls by" in capsys.readouterr().out
+    assert "the index falls by" in printed(capsys, "check", path, "--set", "source.spectrum=LED-B1")
     assert main(["check", path, "--set", "source.spectrum=F11"]) == 2
     assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err
 
@@ -136,21 +128,18 @@ def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
 @pytest.mark.slow
 def test_check_says_where_light_is_hottest_and_warns_of_fire(tmp_path, capsys):
     path = str(write_problem(tmp_path, {}))
-    assert main(["check", path]) == 0
-    calm = capsys.readouterr().out
+    calm = printed(capsys, "check", path)
     assert "greatest concentration of light: " in calm
     assert "at the start of the design" in calm
     assert "fire" not in calm
     focus = ["lens.rear.radius=-40", "lens.rear.conic=-2.25", "target.half_width=[1, 1]"]
     focus = [word for change in (*focus, "target.distance=80") for word in ("--set", change)]
-    assert main(["check", path, *focus, "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    data = data_of(capsys, "check", path, *focus)
     found = data["expected"]["concentration"]
     assert found["times"] == found["sunlight"] > 50
     assert 0 < found["behind"] <= found["searched"] == 80
     assert data["fire"].startswith("light that may start a fire: ")
-    assert main(["check", path, *focus]) == 0
-    assert f"note: {data['fire']}" in capsys.readouterr().out
+    assert f"note: {data['fire']}" in printed(capsys, "check", path, *focus)
 
 
 ASIDE = {"target.distance": False, "target.position": [44.0, 0.0, 66.0], "target.tilt": [0.0, 45.0, 0.0]}
@@ -172,8 +161,7 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
     assert said is not None
     assert 20 < int(said[1]) < 60
     assert 0 < float(said[2]) < int(said[1])
-    assert main(["check", path, "--set", said[3], "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["expected"]
+    found = data_of(capsys, "check", path, "--set", said[3])["expected"]
     assert 0.075 < found["reflected"] < 0.085
     assert found["nearest"] == []
 
@@ -193,14 +181,12 @@ def test_the_place_that_check_proposes_makes_the_light_that_total_reflection_for
     )
     (tmp_path / "c1.toml").write_text(problem.to_toml(), "utf-8")
     path, folder = str(tmp_path / "c1.toml"), str(tmp_path / "made")
-    assert main(["check", path, "--json"]) == 0
-    expected = json.loads(capsys.readouterr().out)["expected"]
+    expected = data_of(capsys, "check", path)["expected"]
     assert expected["reflected"] > 0.2
     assert expected["totally"] > 0
     (option,) = expected["nearest"]
     change = ["--set", option.removeprefix("--set ").strip("'")]
-    assert main(["check", path, *change]) == 0
-    assert "reflected at the rear" not in capsys.readouterr().out
+    assert "reflected at the rear" not in printed(capsys, "check", path, *change)
     assert main(["design", path, "--out", folder]) == 1  # the light misses what was asked for
     assert main(["design", path, *change, "--out", folder, "--force"]) == 0
     metrics = json.loads((tmp_path / "made" / "metrics.json").read_text())
@@ -221,10 +207,8 @@ def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(
     path = str(write_problem(tmp_path, lamp | {"target.surface": "sphere", "target.radius": 90.0}))
     sentence = "etendue bounds the light of one lens on planes and in the far field; no bound is given of a "
     for command in ("check", "etendue"):
-        assert main([command, path]) == 0
-        assert capsys.readouterr().out.count(sentence) == 1
-    assert main(["etendue", path, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+        assert printed(capsys, command, path).count(sentence) == 1
+    found = data_of(capsys, "etendue", path)
     assert found["etendue_mm2_sr"]["target"] is None
     assert "universal" not in found
 
@@ -238,8 +222,7 @@ def test_light_of_a_spectrum_is_foreseen_in_all_its_wavelengths(tmp_path, capsys
     }
     found = []
     for changes in ({}, absorbing):
-        assert main(["check", str(write_problem(tmp_path, changes)), "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out)["expected"]["efficiency"])
+        found.append(data_of(capsys, "check", write_problem(tmp_path, changes))["expected"]["efficiency"])
     thickness = load_problem(tmp_path / "problem.toml").lens.thickness
     left = (1 + math.exp(-0.5 * thickness)) / 2
     assert found[1] / found[0] == pytest.approx(left, rel=0.03)  # on the axis: other ways are longer

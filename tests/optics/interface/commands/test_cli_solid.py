@@ -13,7 +13,7 @@ from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from optics.scene.system import lens_product
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, refused, strict_json
 from thbcad.cad.exchange import read_step
 
 BRIEF = {
@@ -92,8 +92,8 @@ def test_a_step_file_under_another_name_is_caught(copy, capsys, key, value, word
     """The names are part of what a fresh export gives."""
     path = copy / "problem.toml"
     path.write_text(re.sub(rf"(?m)^{key} = .*$", f'{key} = "{value}"', path.read_text("utf-8")), "utf-8")
-    assert main(["verify", str(copy), "--no-optiland"]) == 4
-    failures = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")]
+    lines = printed(capsys, "verify", copy, "--no-optiland", code=4).splitlines()
+    failures = [line for line in lines if line.startswith("FAILED")]
     assert len(failures) == 1
     assert failures[0].startswith(f"FAILED text of the file: words that are not those of the problem ({word}")
 
@@ -107,8 +107,8 @@ def test_a_problem_that_is_not_that_of_the_lens_is_refused(copy, capsys):
 def test_a_file_with_other_line_ends_passes_with_a_note(copy, capsys):
     path = copy / "lens.step"
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert main(["verify", str(copy), "--no-optiland"]) == 0
-    assert "note: the text of the STEP file differs from a fresh export" in capsys.readouterr().out
+    said = printed(capsys, "verify", copy, "--no-optiland")
+    assert "note: the text of the STEP file differs from a fresh export" in said
 
 
 TITLES = [
@@ -174,8 +174,8 @@ def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsy
     assert [c["name"] in (done.path / "report.html").read_text("utf-8") for c in stored["checks"]]
     assert sum(not c["ok"] for c in stored["checks"]) == 3
     # the solid itself is sound, and verify fails for the same reasons
-    assert main(["verify", str(done.path), "--no-optiland"]) == 4
-    assert [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")] == lines
+    said = printed(capsys, "verify", done.path, "--no-optiland", code=4).splitlines()
+    assert [line for line in said if line.startswith("FAILED")] == lines
 
 
 def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
@@ -223,7 +223,6 @@ def test_bytes_of_another_file_are_refused_or_caught(copy, capsys, share):
 
 
 def test_results_of_verify_are_strict_json_with_every_check_named_once(named, capsys):
-    assert main(["verify", str(named.path), "--no-optiland", "--json"]) == 0
-    names = [c["name"] for c in strict_json(capsys.readouterr().out)["checks"]]
+    names = [c["name"] for c in data_of(capsys, "verify", named.path, "--no-optiland")["checks"]]
     assert len(set(names)) == len(names) > 25
     assert json.loads((named.path / "verify.json").read_text())["ok"]

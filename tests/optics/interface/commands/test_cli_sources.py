@@ -14,7 +14,7 @@ from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import FIGURES, run, strict_json
+from tests.optics.interface.commands.cases import FIGURES, printed, run, strict_json
 from tests.optics.scene.luminaires.cases import asymmetric
 
 EXTENDED = {
@@ -118,5 +118,5 @@ def test_check_adds_the_freedoms_of_both_surfaces(tmp_path, capsys):
     """Least thickness 10 mm; only together do 5.5 and 5 mm exceed it."""
     for on_front, noted in ((4.0, False), (5.5, True)):
         changes = {"lens.front.freeform.z_freedom": on_front, "lens.rear.freeform.z_freedom": 5.0}
-        assert main(["check", str(write_extended(tmp_path, changes))]) == 0
-        assert ("z_freedom is larger than the least thickness" in capsys.readouterr().out) == noted
+        said = printed(capsys, "check", write_extended(tmp_path, changes))
+        assert ("z_freedom is larger than the least thickness" in said) == noted

@@ -3,15 +3,14 @@
 import pytest
 
 from optics.interface.commands.cli import main
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, refused
 
 
 @pytest.mark.slow
 def test_the_scene_is_written_read_back_and_recorded(capsys, result, tmp_path):
     pytest.importorskip("mitsuba")
     out = tmp_path / "scene.xml"
-    assert main(["export", str(result), "--out", str(out), "--json"]) == 0
-    data = strict_json(capsys.readouterr().out)
+    data = data_of(capsys, "export", result, "--out", out)
     assert data["ok"]
     names = {out.parent.joinpath(file).name for file in data["files"]}
     assert {"scene.xml", "scene_front.ply", "scene_rear.ply", "scene_edges.ply"} <= names

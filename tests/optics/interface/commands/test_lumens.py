@@ -9,7 +9,7 @@ import pytest
 from optics.interface.commands.cli import main
 from optics.scene.ray_files import read_rays
 from tests.optics.cases import DOME, write_problem
-from tests.optics.interface.commands.cases import FIGURES, QUICK, refused, strict_json
+from tests.optics.interface.commands.cases import FIGURES, QUICK, data_of, refused
 
 FAR = {
     "source.flux": 800.0,
@@ -37,7 +37,7 @@ def test_a_trace_prints_lumens_and_writes_candela(capsys, stored):
     assert {"polar.png", "isocandela.png"} < set(data["sha256"])
     with np.load(folder / "trace" / "irradiance.npz") as arrays:
         assert str(arrays["unit"]) == "lm/degree^2"
-    assert "fates_lm" in strict_json(printed(capsys, "trace", folder, "--rays", 33, "--json"))
+    assert "fates_lm" in data_of(capsys, "trace", folder, "--rays", 33)
 
 
 def test_light_in_lumens_is_exported_in_lumens(capsys, stored, tmp_path):
@@ -59,7 +59,7 @@ def test_etendue_bounds_lumens_and_lux(capsys, problem_file):
     assert " lm  meet the front of the base lens" in out
     assert re.search(r"at most \S+ lm reach the target, at most \S+ lm the pixels .* more than \S+ lx", out)
     assert not WATTS.search(out)
-    data = strict_json(printed(capsys, "etendue", path, "--json"))
+    data = data_of(capsys, "etendue", path)
     assert data["flux_lm"]["source"] == 100
     assert {"on_target_lm", "on_lit_lm"} < set(data["universal"])
 

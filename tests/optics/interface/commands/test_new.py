@@ -20,6 +20,7 @@ from optics.scene.problem import (
     load_problem,
 )
 from tests.cases import EXAMPLES, ROOT
+from tests.optics.interface.commands.cases import printed
 
 
 def keys(record, prefix=""):
@@ -75,8 +76,7 @@ def test_every_kind_but_the_default_has_an_example():
 
 @pytest.mark.parametrize("kind", LIKE)
 def test_a_kind_of_start_is_an_example_that_is_known_to_be_solved(kind, tmp_path, capsys):
-    assert main(["new", "--kind", kind]) == 0
-    text = capsys.readouterr().out
+    text = printed(capsys, "new", "--kind", kind)
     (tmp_path / "my.toml").write_text(text)
     started, example = load_problem(tmp_path / "my.toml"), load_problem(EXAMPLES / LIKE[kind])
     assert bool(started.target.image) == bool(example.target.image)
@@ -89,8 +89,7 @@ def test_a_kind_of_start_is_an_example_that_is_known_to_be_solved(kind, tmp_path
 def test_a_start_can_be_checked(kind, tmp_path, capsys):
     (tmp_path / "my.toml").write_text(commented_problem(kind))
     Image.linear_gradient("L").save(tmp_path / "picture.png")
-    assert main(["check", str(tmp_path / "my.toml")]) == 0
-    assert "the problem is valid" in capsys.readouterr().out
+    assert "the problem is valid" in printed(capsys, "check", tmp_path / "my.toml")
 
 
 # ---- three questions ----
@@ -178,8 +177,8 @@ def test_answers_of_any_size_are_a_problem_in_proportion(source, light, tmp_path
 def test_nothing_speaks_against_any_answers(source, light, width, tmp_path, capsys, coarse_concentration):
     (tmp_path / "my.toml").write_text(answered_problem(source, light, width))
     Image.open(EXAMPLES / "pearl.png").save(tmp_path / "picture.png")
-    assert main(["check", str(tmp_path / "my.toml")]) == 0
-    assert "my lens: the problem is valid\n" in capsys.readouterr().out  # or its limits may not be kept
+    said = printed(capsys, "check", tmp_path / "my.toml")
+    assert "my lens: the problem is valid\n" in said  # or its limits may not be kept
 
 
 @pytest.mark.slow
@@ -192,11 +191,9 @@ def test_answers_are_designed_well(source, light, width, tmp_path, capsys):
     (tmp_path / "my.toml").write_text(answered_problem(source, light, width))
     Image.open(EXAMPLES / "pearl.png").save(tmp_path / "picture.png")
     few = ("--set", "target.pixels=[64, 64]", "--out", str(tmp_path / "lens"), "--quiet")
-    assert main(["design", str(tmp_path / "my.toml"), *few]) == 0
-    assert "the lens makes the light asked for" in capsys.readouterr().out
+    assert "the lens makes the light asked for" in printed(capsys, "design", tmp_path / "my.toml", *few)
 
 
 def test_without_a_standard_input_the_file_is_printed(monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", None)
-    assert main(["new"]) == 0
-    assert capsys.readouterr().out.strip() == commented_problem().strip()
+    assert printed(capsys, "new").strip() == commented_problem().strip()

@@ -8,7 +8,7 @@ from optics.interface.commands.making_options import ROAD_CLASSES, ROAD_ROWS
 from optics.light.roads import CLASSES, ROWS
 from tests.cases import EXAMPLES
 from tests.optics.cases import DOME
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, refused
 
 LAMP = str(EXAMPLES / "lamp.ies")
 POLES = "--height", "8", "--spacing", "24"
@@ -29,11 +29,10 @@ def test_the_parser_knows_the_classes_and_the_rows():
 
 
 def test_a_luminaire_file_is_judged_as_before(capsys):
-    assert main(["road", LAMP, "--class", "P4", *POLES, "--overhang", "3.5", "--lenses", "30"]) == 0
-    assert capsys.readouterr().out == GOLDEN
-    opposite = "--rows", "opposite", "--lenses", "20", "--json"
-    assert main(["road", LAMP, "--class", "P5", *POLES, *opposite]) == 1  # too bright to be even
-    data = strict_json(capsys.readouterr().out)
+    said = printed(capsys, "road", LAMP, "--class", "P4", *POLES, "--overhang", "3.5", "--lenses", "30")
+    assert said == GOLDEN
+    opposite = "--class", "P5", *POLES, "--rows", "opposite", "--lenses", "20"
+    data = data_of(capsys, "road", LAMP, *opposite, code=1)  # too bright to be even
     assert [c["ok"] for c in data["checks"]] == [True, False, True]
     assert data["installation"]["rows"] == "opposite"
     assert data["flux_lm"] == pytest.approx(99.9982, rel=1e-6)
@@ -54,8 +53,7 @@ def test_classes_m_are_judged_with_an_r_table(capsys, tmp_path):
 
 def test_a_lens_is_judged_in_lumens_with_errors(capsys, stored):
     folder = str(stored(DOME | {"source.unit": "lm", "source.flux": 400.0}, drop=("target.image",)))
-    assert main(["road", folder, "--class", "P6", *POLES, "--rays", "4096", "--step", "10", "--json"]) == 1
-    data = strict_json(capsys.readouterr().out)
+    data = data_of(capsys, "road", folder, "--class", "P6", *POLES, "--rays", 4096, "--step", 10, code=1)
     assert 300 < data["flux_lm"] < 400
     assert 0 < data["noise"] < 0.5
     mean = data["checks"][0]

@@ -1,16 +1,13 @@
 """Commands on a design of two free lenses in a row: what they say of each, and what they refuse."""
 
-import json
-
 import pytest
 
 from optics.exchange.results import beside
-from optics.interface.commands import main
 from optics.interface.relighting import other_source
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result
-from tests.optics.interface.commands.cases import refused
+from tests.optics.interface.commands.cases import data_of, printed, refused
 
 TWO_LENSES = """
 title = "two lenses"
@@ -52,12 +49,10 @@ def problem(tmp_path):
 
 def test_losses_of_the_last_face_are_its_own(problem, capsys, coarse_concentration):
     """All four faces together reflect 15 %, each 4 % at normal incidence: none bends light far."""
-    assert main(["check", str(problem), "--explain"]) == 0
-    said = capsys.readouterr().out
+    said = printed(capsys, "check", problem, "--explain")
     assert "which bends it far" not in said
     assert "skips A.front in all evaluations but the first: A.front has no freeform" in said
-    assert main(["check", str(problem), "--json"]) == 0
-    expected = json.loads(capsys.readouterr().out)["expected"]
+    expected = data_of(capsys, "check", problem)["expected"]
     # r of PMMA, of N-BK7: 3.92 %, 4.24 %
     assert expected["reflected"] == pytest.approx(0.9608**2 * 0.9576 * 0.0424, rel=0.05)
 

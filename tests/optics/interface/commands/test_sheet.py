@@ -11,9 +11,8 @@ import pytest
 from scipy.interpolate import NdBSpline
 
 from optics.exchange.results import ResultFolder, sha256_of
-from optics.interface.commands.cli import main
 from optics.tolerancing.form_errors import BandCost, FormErrors, SideCost
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, refused
 
 BANDS = ((1.0, 2.0), (2.0, 20.0))
 RMS, PV = (2.5e-4, 4.37e-3), (1e-3, 0.0221)  # mm, by band
@@ -22,8 +21,7 @@ COST = {"change_per_mm": 1.0, "by_formula": 1.0, "curvature_part": 0.5, "mtf": 1
 
 def sheet(capsys, *words):
     """Return what the command prints as JSON."""
-    assert main(["sheet", *map(str, words), "--json"]) == 0
-    return strict_json(capsys.readouterr().out)
+    return data_of(capsys, "sheet", *words)
 
 
 def origins(data):
@@ -96,8 +94,7 @@ def test_all_formats_hold_the_same_texts_and_repeat(capsys, copy, tmp_path):
 
 
 def test_the_way_to_give_what_is_open_is_said(capsys, copy, tmp_path):
-    assert main(["sheet", str(copy), "--out", str(tmp_path / "lens.svg")]) == 0
-    assert "--set-indication NAME=VALUE" in capsys.readouterr().out
+    assert "--set-indication NAME=VALUE" in printed(capsys, "sheet", copy, "--out", tmp_path / "lens.svg")
 
 
 def test_what_tolerance_would_tell_is_open_where_it_has_not_run(capsys, copy, tmp_path):

@@ -1,6 +1,5 @@
 """`thbcad sweep`: what is printed of a sweep, and what is refused before anything runs."""
 
-import json
 from functools import partial
 
 import pytest
@@ -8,7 +7,7 @@ import pytest
 from optics.interface.commands import main
 from optics.interface.sweeps import sweep
 from tests.cases import EXAMPLES
-from tests.optics.interface.commands.cases import refused
+from tests.optics.interface.commands.cases import data_of, printed, refused
 from tests.optics.interface.sweeps.cases import picky, quick, thread_pool
 
 PROBLEM = str(EXAMPLES / "tophat_circle.toml")
@@ -25,8 +24,7 @@ def by(monkeypatch):
 
 def test_a_sweep_says_how_many_variants_are_done_and_which_is_best(by, tmp_path, capsys):
     by(quick)
-    assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(capsys, "sweep", PROBLEM, *VARY, "--out", tmp_path, "--quiet").splitlines()
     assert lines[:2] == ["2 variants: 2 done; 1 made, 1 light misses", "best: target.distance = 200: fine"]
     assert lines[2] == f"table {tmp_path / 'sweep.csv'}   page {tmp_path / 'sweep.html'}"
 
@@ -49,13 +47,12 @@ def test_a_stopped_sweep_says_that_it_goes_on_where_something_is_stored(
 
 def test_failing_variants_are_told_and_the_rows_are_data(by, tmp_path, capsys):
     by(picky)
-    assert main(["sweep", PROBLEM, *VARY, "--out", str(tmp_path), "--quiet", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    data = data_of(capsys, "sweep", PROBLEM, *VARY, "--out", tmp_path, "--quiet")
     assert data["counts"] == {"done": 1, "failed": 1, "killed": 0, "invalid": 0}
     assert data["rows"][1]["sentence"] == "300 mm is too far; come nearer"
     only = ["--vary", "target.distance=300", "--out", str(tmp_path)]
-    assert main(["sweep", PROBLEM, *only, "--quiet"]) == 1
-    assert "failed: 300 mm is too far; come nearer" in capsys.readouterr().out
+    said = printed(capsys, "sweep", PROBLEM, *only, "--quiet", code=1)
+    assert "failed: 300 mm is too far; come nearer" in said
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from optics.interface.commands.cli import main
 from optics.reporting import figures as pictures
 from optics.scene.problem import load_problem
 from tests.optics.cases import small_lens, store_result, write_problem
-from tests.optics.interface.commands.cases import refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, refused, strict_json
 
 
 @pytest.fixture
@@ -19,14 +19,13 @@ def result(tmp_path):
 @pytest.mark.slow
 def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
     before = sha256_of(result / "result.json")
-    words = ["tool", str(result), "--nose", "2", "--feed", "0.02", "--acceleration", "5", "--json"]
-    assert main(words) == 0
-    printed = strict_json(capsys.readouterr().out)
+    words = ["tool", str(result), "--nose", "2", "--feed", "0.02", "--acceleration", "5"]
+    told = data_of(capsys, *words)
     folder = result / "tool"
     kept = strict_json((folder / "tool.json").read_text("utf-8"))
     shown = {"tool.html", "tool_rear.png"}
     assert kept.pop("sha256") == {name: sha256_of(folder / name) for name in shown}
-    assert kept == printed
+    assert kept == told
     assert {p.name for p in folder.iterdir()} == {"tool.json", *shown}
     assert kept["surfaces"]["rear"]["least_concave_radius_mm"]["value"] == pytest.approx(40, rel=1e-3)
     assert "draft angle" in (folder / "tool.html").read_text("utf-8")
@@ -35,8 +34,7 @@ def test_a_nose_that_fits_leaves_record_page_and_picture(capsys, result):
 
 @pytest.mark.slow
 def test_text_record_and_page_say_the_same_of_polishing_and_cutting(capsys, result):
-    assert main(["tool", str(result), "--ball", "2", "--step", "0.5"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(capsys, "tool", result, "--ball", "2", "--step", "0.5").splitlines()
     page = (result / "tool" / "tool.html").read_text("utf-8")
     found = strict_json((result / "tool" / "tool.json").read_text("utf-8"))["surfaces"]["rear"]
     polish, rows = found["cusps"]["polish"], found["rows"]
@@ -76,8 +74,7 @@ def test_the_same_tool_leaves_the_same_bytes(result):
 
 
 def test_a_ball_that_does_not_fit_is_a_failed_check(capsys, result, tmp_path):
-    assert main(["tool", str(result), "--ball", "41", "--out", str(tmp_path / "out")]) == 4
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(capsys, "tool", result, "--ball", "41", "--out", tmp_path / "out", code=4).splitlines()
     assert lines[0].startswith("a ball end of 41 mm does not fit the rear for certain")
     assert any(line.startswith("FAILED a ball end of 41 mm on the rear") for line in lines)
 

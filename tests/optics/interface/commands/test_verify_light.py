@@ -10,7 +10,7 @@ from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import store_result, write_problem
-from tests.optics.interface.commands.cases import raising, refused, strict_json
+from tests.optics.interface.commands.cases import data_of, printed, raising, refused, strict_json
 from thbcad import write_step
 
 
@@ -26,10 +26,9 @@ def result(tmp_path):
 
 @pytest.mark.slow
 def test_the_light_of_the_file_is_checked_and_kept(capsys, result):
-    arguments = ["--no-optiland", "--light", "occt", "--rays", "1e3", "--json"]
-    assert main(["verify", str(result), *arguments]) == 1  # nothing measured lies in this folder
-    printed = strict_json(capsys.readouterr().out)
-    assert [c["name"] for c in printed["checks"] if not c["ok"]] == ["light of the result"]
+    arguments = ["--no-optiland", "--light", "occt", "--rays", "1e3"]
+    told = data_of(capsys, "verify", result, *arguments, code=1)  # nothing measured lies in this folder
+    assert [c["name"] for c in told["checks"] if not c["ok"]] == ["light of the result"]
     light = result / "verify_light"
     kept = strict_json((light / "light_occt.json").read_text("utf-8"))
     shown = {"light_occt.png", "light_occt.html"}
@@ -38,8 +37,8 @@ def test_the_light_of_the_file_is_checked_and_kept(capsys, result):
     page = (light / "light_occt.html").read_text("utf-8")
     assert "data:image/png;base64," in page
     assert "z-score" in page
-    assert kept["rays"] == printed["light"]["rays"] == 1000
-    assert kept["checks"] == [c for c in printed["checks"] if c in kept["checks"]]
+    assert kept["rays"] == told["light"]["rays"] == 1000
+    assert kept["checks"] == [c for c in told["checks"] if c in kept["checks"]]
     assert len(kept["checks"]) == 4
 
 
@@ -48,8 +47,8 @@ def test_a_file_with_other_light_fails(capsys, result):
     text = (result / "lens.step").read_text("ascii")
     (result / "lens.step").write_text(text.replace("refractive index 1.5", "refractive index 1.6"), "ascii")
     arguments = ["--no-optiland", "--light", "occt", "--rays", "1000", "--out", str(result / "there")]
-    assert main(["verify", str(result), *arguments]) == 4
-    failures = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED")]
+    lines = printed(capsys, "verify", result, *arguments, code=4).splitlines()
+    failures = [line for line in lines if line.startswith("FAILED")]
     assert any("random rays by occt" in line and "landing points" in line for line in failures)
     assert (result / "there" / "light_occt.png").exists()
 

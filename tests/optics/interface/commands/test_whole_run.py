@@ -13,7 +13,7 @@ from PIL import Image
 from optics.interface.commands import main
 from optics.scene.problem import load_problem
 from tests.optics.cases import write_problem
-from tests.optics.interface.commands.cases import FIGURES, QUICK, refused, strict_json
+from tests.optics.interface.commands.cases import FIGURES, QUICK, data_of, printed, refused, strict_json
 
 MIRROR = """
 [source]
@@ -127,8 +127,7 @@ def test_a_design_measures_the_volume_by_the_text_and_says_what_it_leaves_out(go
     (sentence,) = stored["left_out"]
     assert "volume by OCCT's integral" in sentence
     assert "Left out: the volume by OCCT" in (golden.path / "report.html").read_text("utf-8")
-    assert main(["verify", str(golden.path), "--no-optiland", "--json"]) == 0
-    names = [c["name"] for c in strict_json(capsys.readouterr().out)["checks"]]
+    names = [c["name"] for c in data_of(capsys, "verify", golden.path, "--no-optiland")["checks"]]
     assert "volume by OCCT against the closed form, relative" in names
 
 
@@ -217,8 +216,7 @@ def test_the_result_can_be_designed_again_from_its_own_problem_file(golden, tmp_
 @pytest.mark.slow
 def test_text_for_people_names_the_files(tmp_path, capsys):
     problem = write_problem(tmp_path, QUICK | {"lens.rear.freeform.max_level": 0})
-    assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == 0
-    out = capsys.readouterr().out
+    out = printed(capsys, "design", problem, "--out", tmp_path / "out")
     assert "rel_l2" in out
     assert "lens.step" in out
     assert "report.html" in out
@@ -227,16 +225,14 @@ def test_text_for_people_names_the_files(tmp_path, capsys):
 
 def test_check_says_what_would_be_done(tmp_path, capsys):
     problem = write_problem(tmp_path, {"optimizer.start": "flat"})
-    assert main(["check", str(problem)]) == 0
-    out = capsys.readouterr().out
+    out = printed(capsys, "check", problem)
     assert "the problem is valid" in out
     assert "level 2: 48 x 48 pixels" in out
     assert "least thickness 6 mm at x = 0, y = 0 mm" in out
 
 
 def test_check_as_json(tmp_path, capsys):
-    assert main(["check", str(write_problem(tmp_path)), "--json"]) == 0
-    data = strict_json(capsys.readouterr().out)
+    data = data_of(capsys, "check", write_problem(tmp_path))
     # plane to paraboloid: 20 x 20 x 6 plus the integral of (x^2 + y^2) / 80
     assert data["volume_mm3"] == pytest.approx(2400 + 2 * 20 * (2 * 10**3 / 3) / 80, rel=1e-12)
     assert data["least_thickness_mm"] == pytest.approx(6.0, rel=1e-15 * 8)
@@ -253,8 +249,7 @@ def test_check_writes_nothing(tmp_path, capsys, monkeypatch):
 
 def test_verify_passes_an_untouched_result(copy, capsys):
     before = {p: p.read_bytes() for p in copy.rglob("*") if p.is_file()}
-    assert main(["verify", str(copy), "--json"]) == 0
-    assert strict_json(capsys.readouterr().out)["ok"] is True
+    assert data_of(capsys, "verify", copy)["ok"] is True
     assert {p: p.read_bytes() for p in copy.rglob("*") if p.is_file()} == before
 
 
