@@ -58,18 +58,14 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
 
     heights : z of the lowest and the highest point of the part, mm.
     """
-    full = {
-        "front": outline_supports(lens.front.outline),
-        "rear": outline_supports(lens.rear.outline),
-    }
+    full = {"front": outline_supports(lens.front.outline), "rear": outline_supports(lens.rear.outline)}
     sharp = lens.rear.outline.is_rectangle  # tangents round another one hold more than it
+    whole = _surfaces(lens, full)
     if system is None:
-        surfaces = _surfaces(lens, full)
-        glass = region_between(surfaces["front"], surfaces["rear"])
+        glass = region_between(whole["front"], whole["rear"])
         exact = lens.front.outline == lens.rear.outline and sharp
         return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, exact)
     low, high = heights[0] - BEYOND, heights[1] + BEYOND
-    whole = _surfaces(lens, full)
     source, steepest = system.source.envelope()
     up = [float(whole["front"].heights.max() - z) for z in (source.heights.min(), source.heights.max())]
     lit = {"front": np.minimum(full["front"], source.supports.max(axis=0) + _grown(steepest, up[0]))}
@@ -92,14 +88,6 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
     }
     target = supports_of(np.tan(np.radians(lit_target)) if system.target.far_field else lit_target)
     return LightHulls(regions, lit, _prisms(lit, heights), target, system.parallel and sharp)
-
-
-def glass_region(lens: Lens) -> ConvexRegion:
-    """Return a region that holds all straight paths between front and rear."""
-    surfaces = _surfaces(
-        lens, {name: outline_supports(getattr(lens, name).outline) for name in ("front", "rear")}
-    )
-    return region_between(surfaces["front"], surfaces["rear"])
 
 
 def _grown(degrees: float, along: float) -> float:

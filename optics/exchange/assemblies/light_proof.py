@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from optics.exchange.assemblies.blocked_paths import Obstacles
-from optics.exchange.assemblies.light_hulls import LightHulls, glass_region, light_hulls
+from optics.exchange.assemblies.light_hulls import LightHulls, light_hulls
 from optics.exchange.assemblies.light_samples import (
     Obstruction,
     Stopped,
@@ -94,7 +94,8 @@ class PartLight:
     @cached_property
     def whole(self) -> bool:
         """Whether no face comes between front and rear at all, and none covers or cuts them."""
-        return not self.uncovered and not self._within(glass_region(self.lens))
+        glass = light_hulls(self.lens, None, self.heights).regions[GLASS]
+        return not self.uncovered and not self._within(glass)
 
     @property
     def most_missing(self) -> float:
