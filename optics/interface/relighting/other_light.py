@@ -75,33 +75,22 @@ def other_source(words: str, problem: Problem) -> Source:
     Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
     """
     own = problem.source
+    same: dict[str, Any] = {"flux": problem.flux, "unit": own.unit, "wavelength": own.wavelength}
     if words.lower() == "sun":
         beam = own if source_of(problem).beam else _beam(problem)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         size = _number(found, "size")
-        half_angle = 90.0 if source_of(problem).beam else own.half_angle
+        angle = 90.0 if source_of(problem).beam else own.half_angle
+        half_width = size / 2, size / 2
         return Source(
-            kind="lambertian",
-            half_width=(size / 2, size / 2),
-            **_place(found, problem),
-            flux=problem.flux,
-            unit=own.unit,
-            half_angle=half_angle,
-            wavelength=own.wavelength,
+            kind="lambertian", half_width=half_width, half_angle=angle, **_place(found, problem), **same
         )
     if found := LUMINAIRE.fullmatch(words):
         lamp, place = Path(found["file"]).absolute(), _place(found, problem)
         if LUMINAIRE.fullmatch(own.file) and not found["distance"]:
             place = {key: getattr(own, key) for key in ("distance", "position", "shift", "tilt", "turn")}
-        return Source(
-            kind="luminaire",
-            file=str(lamp),
-            **place,
-            flux=problem.flux,
-            unit=own.unit,
-            wavelength=own.wavelength,
-        )
+        return Source(kind="luminaire", file=str(lamp), **place, **same)
     if not words.lower().endswith(".toml"):
         raise UserError(f"--source must be {FORMS}, got {words!r}")
     return load_problem(Path(words)).source
