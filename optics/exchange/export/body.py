@@ -207,3 +207,6 @@ class Body:
         elif self.aperture is not None:
             shape = require_aperture(lens, self.aperture)
         return Insert.of(lens, word, self.back, shape)
+
+
+WHOLE = Body()  # the lens with its own walls

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from optics.base.runtime import Check
-from optics.exchange.export.body import Body
+from optics.exchange.export.body import WHOLE, Body
 from thbcad.checks import Bools, Floats
 from thbcad.drawings import Sheet
 from thbcad.lens import FreeformSurface, Lens
@@ -15,7 +15,6 @@ from thbcad.outlines import Outline
 SVG = "{http://www.w3.org/2000/svg}"
 APPLICATION = "THBCAD"
 LINES = 801  # of a surface on which an outline is looked at
-WHOLE = Body()
 ROUNDING = 1e-9  # mm: a conic as a spline, and coordinates that are moved to their place on the sheet
 
 Drawn = tuple[str, str, str, "Floats"]  # view, curve, style, points (n, 2) in mm of the lens

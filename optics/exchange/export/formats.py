@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime import Check, UserError, note
-from optics.exchange.export.body import Body
+from optics.exchange.export.body import WHOLE, Body
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.height_maps import x3p_bytes, x3p_checks
 from optics.exchange.export.read_back import (
@@ -42,7 +42,6 @@ from thbcad.lens import Lens, Product, Tessellation, placed_surfaces
 from thbcad.meshes import glb_bytes
 
 CHORD = 1e-3  # mm
-PLAIN = Body()
 MESHES: dict[str, tuple[Callable[[Tessellation], bytes], bool]] = {  # and whether the format holds float32
     "stl": (stl_bytes, True),
     "3mf": (threemf_bytes, True),
@@ -117,7 +116,7 @@ def format_of(out: str, wanted: str | None) -> str:
     return SUFFIXES[name]
 
 
-def output_files(path: Path, name: str, body: Body = PLAIN) -> list[Path]:
+def output_files(path: Path, name: str, body: Body = WHOLE) -> list[Path]:
     """Return the files that an export in a format writes besides its report."""
     suffix = f".{name}" if body.separate else path.suffix
     if body.separate or name in TABLES:
@@ -131,7 +130,7 @@ def report_of(out: str) -> Path:
 
 
 def export(
-    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = PLAIN, labels: Labels | None = None
+    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = WHOLE, labels: Labels | None = None
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, NdBSpline
 
 from optics.base.runtime import Check, UserError
-from optics.exchange.export.body import Body
+from optics.exchange.export.body import WHOLE, Body
 from optics.exchange.export.wall_distance import wall_distance
 from optics.exchange.verification import state_checks
 from thbcad.checks import Floats, Integers
@@ -27,7 +27,6 @@ SURFACE = 1e-10  # mm; conics as splines are within 1e-11 mm
 SOLID_SURFACE = {"step": SURFACE, "iges": 1e-8, "brep": SURFACE}  # mm
 VOLUME = 1e-6  # relative, what OCCT's integral is asked for
 SAMPLES = 2**20  # per face of a mesh
-WHOLE = Body()
 READERS = {
     "stl": ("trimesh",),
     "obj": ("trimesh",),
