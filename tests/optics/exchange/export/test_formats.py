@@ -13,15 +13,14 @@ from OCP.RWStl import RWStl
 from optics.exchange.export.drawing_checks import drawing_checks
 from optics.exchange.export.formats import FORMATS, MESHES, export
 from optics.exchange.export.height_maps import x3p_checks
-from optics.exchange.export.read_back import array_checks, cloud_checks, mesh_checks, sag_checks
+from optics.exchange.export.read_back import array_checks, cloud_checks, sag_checks
 from optics.exchange.export.wall_distance import edge_distance
 from optics.tolerancing.metrology import read_measured
 from tests.optics.cases import hollow_lens, rough, small_lens, small_space
-from tests.optics.exchange.export.cases import names
+from tests.optics.exchange.export.cases import failing, names, ply_faults
 from tests.optics.interface.commands.cases import refused, run
 from thbcad import THBSurface, read_lens, write_lens
 from thbcad.drawings import drawing_bytes, lens_sheet
-from thbcad.io import ply_bytes
 from thbcad.lens import EDGES, SIDES, FreeformSurface, Lens, tessellated
 
 pytest.importorskip("trimesh")
@@ -87,10 +86,6 @@ def test_occt_reads_the_stl_too(tmp_path):
 # Damage shows
 
 
-def failing(checks):
-    return [c.name.partition(",")[0] for c in checks if not c.ok]
-
-
 @pytest.mark.parametrize(("face", "word"), [(0, "front"), (1, "rear"), (2, "edges")])
 def test_a_vertex_that_moves_shows(tmp_path, face, word):
     lens = LENSES["Table 6.3"]
@@ -100,29 +95,19 @@ def test_a_vertex_that_moves_shows(tmp_path, face, word):
     others = np.unique(mesh.triangles[mesh.faces != face])
     inner = np.setdiff1d(own, others)[7]  # a vertex of no other face
     vertices[inner] += [0, 2 * CHORD, 0] if face == EDGES[0] else [0, 0, 2 * CHORD]
-    moved = type(mesh)(vertices, mesh.triangles, mesh.faces, mesh.chord)
-    path = tmp_path / "lens.ply"
-    path.write_bytes(ply_bytes(moved))
-    assert failing(mesh_checks(lens, mesh, path, "ply", CHORD)) == [
-        f"{word} against the exact surface" + "s" * (word == "edges")
-    ]
+    fault = f"{word} against the exact surface" + "s" * (word == "edges")
+    assert ply_faults(tmp_path, lens, mesh, CHORD, vertices=vertices) == [fault]
 
 
 def test_a_triangle_that_is_missing_or_turned_shows(tmp_path):
     mesh = tessellated(EQUAL, CHORD)
-    path = tmp_path / "lens.ply"
-    path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, mesh.triangles[1:], mesh.faces[1:], CHORD)))
-    assert {"triangles missing or added", "mesh not watertight"} <= set(
-        failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD))
-    )
+    missing = ply_faults(tmp_path, EQUAL, mesh, CHORD, triangles=mesh.triangles[1:], faces=mesh.faces[1:])
+    assert {"triangles missing or added", "mesh not watertight"} <= set(missing)
     turned = mesh.triangles.copy()
     turned[5] = turned[5, ::-1]
-    path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, turned, mesh.faces, CHORD)))
-    assert "mesh not consistently oriented" in failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD))
-    path.write_bytes(ply_bytes(type(mesh)(mesh.vertices, mesh.triangles[:, ::-1], mesh.faces, CHORD)))
-    assert failing(mesh_checks(EQUAL, mesh, path, "ply", CHORD)) == [
-        "volume against the closed form"
-    ]  # all inside out
+    assert "mesh not consistently oriented" in ply_faults(tmp_path, EQUAL, mesh, CHORD, triangles=turned)
+    inside_out = ply_faults(tmp_path, EQUAL, mesh, CHORD, triangles=mesh.triangles[:, ::-1])
+    assert inside_out == ["volume against the closed form"]
 
 
 def changed_line(path, number, column, change):
