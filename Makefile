@@ -130,12 +130,12 @@ QUICK = \
 	tests/thbcad/moulds \
 	tests/thbcad/mounts \
 	tests/thbcad/outlines \
-	tests/thbcad/pictures \
+	tests/thbcad/test_pictures.py \
 	tests/thbcad/sags/test_conic.py \
 	tests/thbcad/splines/test_knot_vector.py \
 	tests/thbcad/splines/test_nurbs.py \
 	tests/thbcad/surfaces/test_priced_faces.py \
-	tests/thbcad/toml \
+	tests/thbcad/test_toml.py \
 	tests/thbcad/tools/test_cusps.py
 
 quick: setup

@@ -69,7 +69,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # `thbcad bench` is a thin door to the benchmarks of a checkout
 UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
 # rooms of one file, which is its own door
-SINGLE_FILES = {"thbcad.doors", "thbcad.checks", "thbcad.values", "thbcad.poses"}
+SINGLE_FILES = {f"thbcad.{file}" for file in ("checks", "doors", "pictures", "poses", "toml", "values")}
 MOST_FILES = 13  # of a room, besides its door
 
 

@@ -7,7 +7,7 @@ import tracemalloc
 import pytest
 from hypothesis import example, given, strategies as st
 
-from thbcad.toml.bounded_tables import MOST_DEPTH, MOST_PARTS, toml_tables
+from thbcad.toml import MOST_DEPTH, MOST_PARTS, toml_tables
 
 LONG = 100_000
 LONG_KEYS = {

@@ -1,4 +1,5 @@
-"""Colour maps: what Pillow reads of them is what was given, the right way up."""
+"""Colour maps: what Pillow reads of them is what was given, the right way up; pictures beside numbers: sizes
+of frames, and names that are escaped."""
 
 import re
 from base64 import b64decode
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from thbcad.pictures.svg_pictures import COLOURS, map_element
+from thbcad.pictures import COLOURS, LONGEST, card, frame_size, interval_text, line_path, map_element
 
 
 def pixels(element):
@@ -43,3 +44,24 @@ def test_equal_values_have_one_colour(value):
 def test_values_of_any_size_are_shown():
     seen = pixels(map_element(np.array([[-1e308, 1e308], [0.0, 5e-324]]), 2, 2))
     assert seen.shape == (2, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("sides", "pixels"),
+    [((2, 1), (1, 0.5)), ((3, 3), (1, 1)), ((1, 100), (0.25, 1)), ((1e300, 1), (1, 0.25))],
+)
+def test_a_frame_has_the_shape_of_its_rectangle_but_is_never_slim(sides, pixels):
+    assert frame_size(*sides) == tuple(LONGEST * p for p in pixels)
+
+
+def test_names_and_values_are_escaped():
+    html = card("a < b", "<svg/>", [("x & y", "<script>")])
+    assert "<b>a &lt; b</b>" in html
+    assert "x &amp; y" in html
+    assert "<script>" not in html
+
+
+def test_lines_and_intervals_are_short():
+    assert line_path(np.array([[0.04, 1.0], [2.25, 1e2]])) == "M0.0 1.0L2.2 100.0"
+    assert interval_text(-1 / 3, 2000.0, "mm") == "-0.3333 to 2000 mm"
+    assert interval_text(0, 1) == "0 to 1"
