@@ -17,13 +17,11 @@ Source: H. Speleers, C. Manni, Effortless quasi-interpolation in hierarchical sp
 Numer. Math. 132 (2016); T. Lyche and K. Moerken, Spline Methods, chapter 8.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import csr_array
 
 from thbcad.checks import Floats, Integers, require_type
-from thbcad.hierarchy import GREATEST_NORM, DyadicAxis, THBSpace, intervals, least_norm, whole_cells
+from thbcad.hierarchy import GREATEST_NORM, DyadicAxis, THBSpace, best_functionals, intervals
 from thbcad.splines import Function, blossom, evaluate, greville_abscissae
 from thbcad.surfaces import THBSurface
 
@@ -69,33 +67,22 @@ def _level_functionals(space: THBSpace, level: int) -> list[Floats]:
     """Return points and weights in u, points and weights in v of the active functions of a level, (n, 2 p +
     1) each."""
     functions = space.functions[space.functions[:, 0] == level, 1:]
-    tables = []
-    rows = []
-    for axis, index in zip(space.axes, functions.T):
-        distinct, inverse = np.unique(index, return_inverse=True)
-        tables.append(_axis_functionals(axis, level, distinct))
-        rows.append(inverse)
-    leaves = whole_cells(space.hierarchy[level], functions)
-    choice, norms = least_norm(leaves, *(table.norms[r] for table, r in zip(tables, rows)))
+    norms, (by_u, by_v) = best_functionals(space.hierarchy[level], functions, _axis_functionals)
     if (norm := float(norms.max(initial=0.0))) > GREATEST_NORM:
         raise ValueError(
             f"a functional of level {level} has the norm {norm:.2g}, which leaves fewer than four digits of "
             "float64; use least_squares"
         )
-    return [x[r, c] for table, r, c in zip(tables, rows, choice) for x in (table.points, table.weights)]
+    return [*by_u, *by_v]
 
 
-@dataclass(frozen=True, eq=False)
-class _AxisFunctionals:
-    """Functionals of n B-splines of a level on all m = (p + 1)(p + 2) / 2 intervals of up to p + 1 spans."""
+def _axis_functionals(axis: DyadicAxis, level: int, index: Integers) -> tuple[Floats, Floats, Floats]:
+    """Return the functionals of the B-splines `index`, (n,) int, of a level on all m = (p + 1)(p + 2) / 2
+    intervals of up to p + 1 spans.
 
-    norms: Floats  # (n, m), inf where the support has no such interval
-    points: Floats  # (n, m, 2 p + 1)
-    weights: Floats  # (n, m, 2 p + 1), zero beyond the points in use
-
-
-def _axis_functionals(axis: DyadicAxis, level: int, index: Integers) -> _AxisFunctionals:
-    """Return the functionals of the B-splines `index`, (n,) int, of a level."""
+    Their norms, (n, m), inf where the support has no such interval; points and weights, (n, m, 2 p + 1) each,
+    zero beyond the points in use.
+    """
     p = axis.degree
     head, tail = axis.support(level, index)
     start, stop = intervals(p + 1).T
@@ -112,7 +99,7 @@ def _axis_functionals(axis: DyadicAxis, level: int, index: Integers) -> _AxisFun
             axis.knots(level, first[here, None] + np.arange(-p, size + 1)), p, index[at[0]] - first[here] + p
         )
         points[*at, :size], weights[*at, :size], norms[at] = x, w, abs(w).sum(axis=1)
-    return _AxisFunctionals(norms, points, weights)
+    return norms, points, weights
 
 
 def _functionals(knots: Floats, p: int, target: Integers) -> tuple[Floats, Floats]:

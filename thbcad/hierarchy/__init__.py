@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .levels import DyadicAxis
     from .mesh_picture import mesh_lines, space_rows
     from .multilevel_basis import MultilevelBasis
-    from .restriction import GREATEST_NORM, intervals, least_norm, whole_cells
+    from .restriction import GREATEST_NORM, best_functionals, intervals
     from .thb_space import THBSpace
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

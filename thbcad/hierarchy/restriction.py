@@ -14,9 +14,9 @@ Source: C. Giannelli, B. Juettler, H. Speleers, Strongly stable bases for adapti
 multilevel spline spaces, Adv. Comput. Math. 40 (2014).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -26,6 +26,30 @@ from thbcad.hierarchy.level_nets import Nets
 from thbcad.hierarchy.levels import DyadicAxis, Level
 
 GREATEST_NORM = 1e12  # four of the sixteen digits of float64 are left
+
+
+# functionals of n B-splines on all m intervals of their supports in one direction, (n, m, ...) each: their
+# norms, inf where the support has no such interval, and what they are made of
+Table = tuple[Floats, Any, Floats]
+
+
+def best_functionals(
+    level: Level, functions: Integers, table_of: Callable[[DyadicAxis, int, Integers], Table]
+) -> tuple[Floats, list[tuple[Any, Floats]]]:
+    """Return the norms, (n,), of the functionals of least norm of B-splines of a level, and what they consist
+    of in u and in v.
+
+    functions : (n, 2) int.  table_of : of an axis, the level and distinct functions along the axis
+    """
+    tables = []
+    rows = []
+    for axis, index in zip(level.axes, functions.T):
+        distinct, inverse = np.unique(index, return_inverse=True)
+        tables.append(table_of(axis, level.number, distinct))
+        rows.append(inverse)
+    norms_u, norms_v = (norms[row] for (norms, _, _), row in zip(tables, rows))
+    choice, norms = least_norm(whole_cells(level, functions), norms_u, norms_v)
+    return norms, [(of[r, c], weights[r, c]) for (_, of, weights), r, c in zip(tables, rows, choice)]
 
 
 def least_norm(leaves: Bools, norms_u: Floats, norms_v: Floats) -> tuple[Integers, Floats]:
@@ -105,24 +129,13 @@ def require_restored(operator: csr_array) -> None:
 def _dual_weights(coarse: Level, fine: Level, lost: Bools) -> csr_array:
     """Return the weights of the finer level's net, (n, size), that give the lost functions' coefficients."""
     functions = coarse.functions[coarse.active][lost]
-    tables = []
-    rows = []
-    for d, axis in enumerate(coarse.axes):
-        distinct, inverse = np.unique(functions[:, d], return_inverse=True)
-        tables.append(_inverses(axis, coarse.number, distinct))
-        rows.append(inverse)
-    choice, norm = least_norm(
-        whole_cells(coarse, functions), *(table.norms[row] for table, row in zip(tables, rows))
-    )
+    norm, ((first_u, by_u), (first_v, by_v)) = best_functionals(coarse, functions, _inverses)
     if not np.isfinite(norm).all():
         i, j = functions[~np.isfinite(norm)][0]
         raise ValueError(
             f"function ({i}, {j}) of level {coarse.number} cannot be restored in float64: "
             "the knots around its whole cells are too unequal; make more cells whole"
         )
-    (first_u, by_u), (first_v, by_v) = (
-        (t.first[r, c], t.weights[r, c]) for t, r, c in zip(tables, rows, choice)
-    )
     owner, a, b = np.nonzero((by_u != 0)[:, :, None] & (by_v != 0)[:, None, :])
     columns = fine.find(np.stack([first_u[owner] + a, first_v[owner] + b], axis=1))
     return csr_array(
@@ -130,19 +143,13 @@ def _dual_weights(coarse: Level, fine: Level, lost: Bools) -> csr_array:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Inverses:
-    """Functionals of n B-splines of a level on all intervals of their supports, in terms of the next level's
-    coefficients."""
-
-    norms: Floats  # (n, m), inf where the support has no such interval
-    first: Integers  # (n, m), the first B-spline of the next level
-    weights: Floats  # (n, m, 3 p + 2), zero beyond those in use
-
-
-def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
+def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> Table:
     """Return the functionals of distinct B-splines of a level: rows of pseudo-inverses of two-scale
-    relations."""
+    relations.
+
+    Their norms and their first B-splines of the next level, (n, m) each; weights of these and those that
+    follow, (n, m, 3 p + 2), zero beyond those in use.
+    """
     p = axis.degree
     head, tail = axis.support(level, functions)
     start, stop = intervals(p + 1).T
@@ -160,7 +167,7 @@ def _inverses(axis: DyadicAxis, level: int, functions: Integers) -> _Inverses:
         blocks = _two_scale_blocks(axis, level, fine[here], coarse[here], (r, c))
         first[at] = fine[here]
         weights[*at, :r], norms[at] = _inverse_rows(blocks, functions[at[0]] - coarse[here])
-    return _Inverses(norms, first, weights)
+    return norms, first, weights
 
 
 def _two_scale_blocks(
