@@ -127,10 +127,13 @@ def least_squares(
     require_type("samples", samples, Samples)
     require_type("robust", robust, bool)
     require_smoothing(smoothing)
-    problem = _Problem.of(space, samples, smoothing != 0, progress or (lambda done, most: None))
+    show = progress or (lambda done, most: None)
+    energy = thin_plate(space) if smoothing != 0 else csr_array((space.dim, space.dim))
+    collocation = space.collocation(samples.u, samples.v)
+    equations = NormalEquations.of(space, collocation, energy, samples.values, samples.weights)
     if robust and (samples.weights > 0).any():
-        return _robust(problem, smoothing)
-    return problem.fit(problem.equations(np.ones(len(samples))), smoothing)
+        return _robust(equations, samples, smoothing, show)
+    return _fitted(equations, _as_number(equations, smoothing, show))
 
 
 def require_smoothing(smoothing: object) -> None:
@@ -181,55 +184,37 @@ class _Judge:
         return out
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Least squares in a space; their weights are those of the samples times given factors."""
-
-    space: THBSpace
-    samples: Samples
-    collocation: csr_array
-    energy: csr_array
-    progress: Progress
-
-    @classmethod
-    def of(cls, space: THBSpace, samples: Samples, with_energy: bool, progress: Progress) -> _Problem:
-        energy = thin_plate(space) if with_energy else csr_array((space.dim, space.dim))
-        return cls(space, samples, space.collocation(samples.u, samples.v), energy, progress)
-
-    def equations(self, factors: Floats) -> NormalEquations:
-        weights = self.samples.weights * factors
-        return NormalEquations.of(self.space, self.collocation, self.energy, self.samples.values, weights)
-
-    def smoothing(self, equations: NormalEquations, wanted: Smoothing) -> float:
-        """Return the smoothing as a number."""
-        return chosen_smoothing(equations, wanted, self.progress) if isinstance(wanted, str) else wanted
-
-    def fit(self, equations: NormalEquations, wanted: Smoothing) -> THBSurface:
-        smoothing = self.smoothing(equations, wanted)
-        return THBSurface(self.space, equations.height * equations.solution(smoothing))
-
-    def residuals(self, surface: THBSurface) -> Floats:
-        values: Floats = self.collocation @ surface.coefficients
-        return self.samples.values - values
+def _as_number(equations: NormalEquations, wanted: Smoothing, progress: Progress) -> float:
+    """Return a smoothing as a number."""
+    return chosen_smoothing(equations, wanted, progress) if isinstance(wanted, str) else wanted
 
 
-def _robust(problem: _Problem, wanted: Smoothing) -> THBSurface:
+def _fitted(equations: NormalEquations, smoothing: float) -> THBSurface:
+    return THBSurface(equations.space, equations.height * equations.solution(smoothing))
+
+
+def _robust(
+    equations: NormalEquations, samples: Samples, wanted: Smoothing, progress: Progress
+) -> THBSurface:
     """Return the fit whose weights belong to its own residuals.
 
     The first weights are those of the values themselves: a fit with equal weights may pass through an outlier
     that lies alone at the border.  The smoothing is chosen with them, and again when they have settled.
     """
-    judge = _Judge.of(problem.samples)
+    judge = _Judge.of(samples)
     share = kept_share(judge.values.shape[1])
-    weights = judge.weights(problem.samples.values)
-    smoothing = problem.smoothing(problem.equations(weights / share), wanted)
+    weights = judge.weights(samples.values)
+    weighted = equations.with_weights(samples.weights * (weights / share))
+    smoothing = _as_number(weighted, wanted, progress)
     for _ in range(MOST_REWEIGHTINGS):
-        surface = problem.fit(problem.equations(weights / share), smoothing)
-        before, weights = weights, judge.weights(problem.residuals(surface))
+        surface = _fitted(weighted, smoothing)
+        values: Floats = equations.collocation @ surface.coefficients
+        before, weights = weights, judge.weights(samples.values - values)
+        weighted = equations.with_weights(samples.weights * (weights / share))
         if np.abs(weights - before).max() <= SETTLED:
             break
     if isinstance(wanted, str):
-        surface = problem.fit(problem.equations(weights / share), wanted)
+        surface = _fitted(weighted, _as_number(weighted, wanted, progress))
     return surface
 
 

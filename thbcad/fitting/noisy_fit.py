@@ -118,7 +118,7 @@ def fit_noisy(space: THBSpace, samples: Samples, smoothing: float | None = None)
     )
     smoothing = _chosen(equations) if smoothing is None else smoothing
     passes = _Passes(equations, equations.factors(smoothing))
-    score = _score(equations, smoothing, passes)
+    score = _score(passes)
     return NoisyFit(
         surface=THBSurface(space, equations.height * score.coefficients),
         noise=score.noise,
@@ -144,7 +144,7 @@ def _chosen(equations: NormalEquations) -> float:
 
     def value(k: int) -> float:
         if k not in values:
-            values[k] = _score(equations, float(10 ** (start + k))).value
+            values[k] = _score(_Passes(equations, equations.factors(float(10 ** (start + k))))).value
         return values[k]
 
     best = 0
@@ -160,9 +160,9 @@ def _chosen(equations: NormalEquations) -> float:
     return float(10 ** (start + best + shift))
 
 
-def _score(equations: NormalEquations, smoothing: float, passes: _Passes | None = None) -> _Score:
+def _score(passes: _Passes) -> _Score:
     """Return V, the noise and tr H of a smoothing."""
-    passes = passes or _Passes(equations, equations.factors(smoothing))
+    equations = passes.equations
     n = len(equations.values)
     probes = np.random.default_rng(SEED).choice([-1.0, 1.0], (n, PROBES))
     values = np.column_stack([equations.values, probes])

@@ -11,7 +11,7 @@ A Practical Guide to Splines, chapter 14.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,11 @@ class NormalEquations:
         """Return the equations of values z, (n,) or (n, d), and weights w, (n,)."""
         height, unit = _power_of_four(values), _power_of_four(weights)
         return cls(space, collocation, energy, values / height, weights / unit, height, unit)
+
+    def with_weights(self, weights: Floats) -> NormalEquations:
+        """Return the equations of the same samples with other weights w, (n,)."""
+        unit = _power_of_four(weights)
+        return replace(self, weights=weights / unit, unit=unit)
 
     @cached_property
     def weighted(self) -> csr_array:
