@@ -87,29 +87,21 @@ def range_over(
     They are the least and the greatest Bernstein coefficient on the rectangles, rounding included, and meet
     as these shrink.
     """
-    u, v = u.clipped(surface.kv_u.start, surface.kv_u.stop), v.clipped(surface.kv_v.start, surface.kv_v.stop)
+    vectors, (p, q) = surface.knot_vectors, (surface.kv_u.degree, surface.kv_v.degree)
+    sides = [x.clipped(kv.start, kv.stop) for kv, x in zip(vectors, (u, v))]
     low, high = np.full(len(u.low), np.inf), np.full(len(u.low), -np.inf)
-    (first_u, count_u), (first_v, count_v) = _spans(surface.kv_u, u), _spans(surface.kv_v, v)
-    pieces = np.repeat(np.arange(len(low)), count_u * count_v)
-    number = np.arange(len(pieces)) - np.repeat(
-        np.cumsum(count_u * count_v) - count_u * count_v, count_u * count_v
-    )
+    (first_u, count_u), (first_v, count_v) = map(_spans, vectors, sides)
+    count = count_u * count_v
+    pieces = np.repeat(np.arange(len(low)), count)
+    number = np.arange(len(pieces)) - np.repeat(np.cumsum(count) - count, count)
     for first in range(0, len(pieces), STRIP):
         owner = pieces[first : first + STRIP]
         k = number[first : first + STRIP]
-        start_u, a = _restricted(
-            surface.kv_u,
-            Interval(u.low[owner], u.high[owner]),
-            first_u[owner] + k // count_v[owner],
-            orders[0],
+        spans = first_u[owner] + k // count_v[owner], first_v[owner] + k % count_v[owner]
+        (start_u, a), (start_v, b) = (
+            _restricted(kv, Interval(x.low[owner], x.high[owner]), span, order)
+            for kv, x, span, order in zip(vectors, sides, spans, orders)
         )
-        start_v, b = _restricted(
-            surface.kv_v,
-            Interval(v.low[owner], v.high[owner]),
-            first_v[owner] + k % count_v[owner],
-            orders[1],
-        )
-        p, q = surface.kv_u.degree, surface.kv_v.degree
         net = surface.coefficients[
             start_u[:, None, None] + np.arange(p + 1)[:, None], start_v[:, None, None] + np.arange(q + 1)
         ]

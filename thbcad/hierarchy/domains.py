@@ -136,31 +136,23 @@ class Domains:
         return result
 
     def _require_leaves(self, level: int, keys: Integers) -> None:
-        orphan = (
-            ~np.isin(self._parents(level, keys), self.refined(level - 1))
-            if level
-            else np.zeros(0, dtype=bool)
-        )
-        if orphan.any():
-            i, j = self.pairs(level, keys[orphan][:1])[0]
-            raise ValueError(f"cell ({i}, {j}) of level {level} does not exist: its parent is not refined")
-        twice = np.isin(keys, self.refined(level))
-        if twice.any():
-            i, j = self.pairs(level, keys[twice][:1])[0]
-            raise ValueError(f"cell ({i}, {j}) of level {level} is refined already")
+        if level:
+            orphan = ~np.isin(self._parents(level, keys), self.refined(level - 1))
+            self._refuse(level, keys[orphan], "does not exist: its parent is not refined")
+        self._refuse(level, keys[np.isin(keys, self.refined(level))], "is refined already")
 
     def _require_parents_of_leaves(self, level: int, keys: Integers, refined: list[Integers]) -> None:
         whole = ~np.isin(keys, refined[level] if level < len(refined) else NONE)
-        if whole.any():
-            i, j = self.pairs(level, keys[whole][:1])[0]
-            raise ValueError(f"cell ({i}, {j}) of level {level} is not refined")
+        self._refuse(level, keys[whole], "is not refined")
         if level + 1 < len(refined):
             deep = np.isin(keys, self._parents(level + 1, refined[level + 1]))
-            if deep.any():
-                i, j = self.pairs(level, keys[deep][:1])[0]
-                raise ValueError(
-                    f"cell ({i}, {j}) of level {level} has children that are refined; coarsen them first"
-                )
+            self._refuse(level, keys[deep], "has children that are refined; coarsen them first")
+
+    def _refuse(self, level: int, keys: Integers, why: str) -> None:
+        """Raise ValueError about the first of the keys, if there are any."""
+        if len(keys):
+            i, j = self.pairs(level, keys[:1])[0]
+            raise ValueError(f"cell ({i}, {j}) of level {level} {why}")
 
 
 def checked_cells(cells: Cells) -> dict[int, Integers]:

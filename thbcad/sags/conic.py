@@ -18,7 +18,7 @@ from thbcad.checks import (
     require_type,
     row,
 )
-from thbcad.splines import KnotVector, NURBSCurve
+from thbcad.splines import QUADRATIC, NURBSCurve
 
 GREATEST = 1e40  # of radius, 1 / radius and conic constant: their products and powers are finite
 Coordinate = TypeVar("Coordinate", float, Floats)
@@ -259,8 +259,4 @@ def meridian(conic: Conic, radius: float) -> NURBSCurve:
         )
     divisor = 1 + np.sqrt(square)
     points = [[0.0, 0.0], [radius / divisor, 0.0], [radius, radius**2 / (conic.radius * divisor)]]
-    return NURBSCurve(
-        KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])),
-        np.array(points),
-        np.array([1.0, 1.0, 2 / divisor]),
-    )
+    return NURBSCurve(QUADRATIC, np.array(points), np.array([1.0, 1.0, 2 / divisor]))

@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .bsplines import BSplineCurve, BSplineSurface, Function, evaluate, interpolate
-    from .knot_vector import UNIT, KnotVector
+    from .knot_vector import QUADRATIC, UNIT, KnotVector
     from .nurbs import NURBSCurve, NURBSSurface
     from .nurbs_shapes import circular_arc, conic_arc, line, revolved, ruled
     from .polar_forms import bezier_rows, blossom, blossom_rows, greville_abscissae, halves

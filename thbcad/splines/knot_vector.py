@@ -207,3 +207,4 @@ class KnotVector(Knots):
 
 
 UNIT = KnotVector(1, np.array([0.0, 0.0, 1.0, 1.0]))  # of straight lines over [0, 1]
+QUADRATIC = KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))  # of conic sections over [0, 1]

@@ -8,10 +8,8 @@ from numpy.typing import ArrayLike
 
 from thbcad.checks import floats, require_number, require_type
 from thbcad.splines.bsplines import BSplineSurface
-from thbcad.splines.knot_vector import UNIT, KnotVector
+from thbcad.splines.knot_vector import QUADRATIC, UNIT, KnotVector
 from thbcad.splines.nurbs import NURBSCurve, NURBSSurface
-
-QUADRATIC = KnotVector(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
 
 
 def line(start: ArrayLike, stop: ArrayLike) -> NURBSCurve:
