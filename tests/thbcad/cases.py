@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import reject, strategies as st
+from scipy.interpolate import NdBSpline
 
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
@@ -252,3 +253,9 @@ def nurbs_surfaces(draw, max_degree=4, max_spans=3):
     kv_u, kv_v = (draw(knot_vectors(max_degree=max_degree, max_spans=max_spans)) for _ in range(2))
     rng, shape = draw(seeds()), (kv_u.dim, kv_v.dim)
     return NURBSSurface(kv_u, kv_v, rng.uniform(-1, 1, (*shape, 3)), 10 ** rng.uniform(-1, 1, shape))
+
+
+def scipy_twin(surface):
+    """The same polynomial surface, by scipy alone."""
+    kv_u, kv_v = surface.knot_vectors
+    return NdBSpline((kv_u.knots, kv_v.knots), surface.coefficients, (kv_u.degree, kv_v.degree))

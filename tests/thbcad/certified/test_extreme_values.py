@@ -10,22 +10,16 @@ from hypothesis import given, strategies as st
 
 from oracles.spline_definitions import cox_de_boor
 from tests.cases import examples
-from tests.thbcad.cases import SCALES, coefficients, knot_vectors, parameters, spaces, unclamped
+from tests.thbcad.cases import SCALES, coefficients, parameters, spaces, unclamped
+from tests.thbcad.certified.cases import assert_it_falls_with_the_square_of_the_cell_size, graphs
 from thbcad.certified.extreme_values import minimum, value_range
 from thbcad.outlines import Outline
 from thbcad.sags import square_coefficients
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, KnotVector, interpolate
 from thbcad.surfaces import THBSurface
 
 EPS = np.finfo(float).eps
 ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
-
-
-@st.composite
-def graphs(draw, **options):
-    """Random scalar surfaces."""
-    kv_u, kv_v = draw(knot_vectors(**options)), draw(knot_vectors(**options))
-    return BSplineSurface(kv_u, kv_v, draw(coefficients(kv_u.dim, kv_v.dim)))
 
 
 @pytest.mark.parametrize("derivative", ORDERS)
@@ -64,10 +58,6 @@ def exactly(graph, u, v, derivative):
 def is_continuous(kv, derivative):
     """Whether no interior knot has a multiplicity above p - r."""
     return kv.spans == 1 or np.unique(kv.knots, return_counts=True)[1][1:-1].max() <= kv.degree - derivative
-
-
-def bisected(graph):
-    return graph.insert(*(kv.breaks[:-1] + np.diff(kv.breaks) / 2 for kv in (graph.kv_u, graph.kv_v)))
 
 
 def paraboloid(x0, y0, height, kv):
@@ -147,10 +137,7 @@ def test_a_plateau_ends_with_wider_bounds():
     """On the circle r = 1 (r^2 - 1)^2 is least between all knots: the search ends when it has 2^24
     coefficients, and its bounds hold."""
     kv = KnotVector.uniform(4, 16, -1.5, 1.5)
-    x = kv.greville()
-    inverse = np.linalg.inv(kv.collocation(x).toarray())
-    heights = (x[:, None] ** 2 + x**2 - 1) ** 2
-    found = minimum(BSplineSurface(kv, kv, inverse @ heights @ inverse.T), tolerance=1e-14)
+    found = minimum(interpolate(kv, kv, lambda x, y: (x**2 + y**2 - 1) ** 2), tolerance=1e-14)
     assert found.lower <= 1e-13  # rounding of the interpolation
     assert found.upper - found.lower < 1e-8
 
@@ -222,22 +209,12 @@ def test_subnormal_coefficients():
 def test_bounds_tighten_with_the_square_of_the_cell_size(derivative):
     """With a huge tolerance the search ends at the given cells: their bounds err by O(h^2)."""
     kv = KnotVector.uniform(4, 8, -2, 2)
-    x = kv.greville()
-    inverse = np.linalg.inv(kv.collocation(x).toarray())
     # z and these derivatives have their least values inside, between the knots of all levels
-    graph = BSplineSurface(
-        kv, kv, inverse @ (np.sin(1.7 * x + 0.3)[:, None] * np.cos(1.3 * x - 0.2)) @ inverse.T
+    wave = interpolate(kv, kv, lambda x, y: np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2))
+    true = minimum(wave, derivative, tolerance=1e-13).value
+    assert_it_falls_with_the_square_of_the_cell_size(
+        lambda graph: true - minimum(graph, derivative, tolerance=1e9).lower, wave
     )
-    true = minimum(graph, derivative, tolerance=1e-13).value
-    errors = []
-    for _ in range(6):
-        errors.append(true - minimum(graph, derivative, tolerance=1e9).lower)
-        graph = bisected(graph)
-    assert errors[-1] > 0
-    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line
-    # does not
-    rate = -np.polyfit(range(6), np.log2(errors), 1)[0]
-    assert 1.7 < rate < 2.5
 
 
 @examples(30)

@@ -4,28 +4,19 @@ rates."""
 import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
-from scipy.interpolate import NdBSpline
 
 from tests.cases import examples
-from tests.thbcad.cases import coefficients, knot_vectors, spaces
+from tests.thbcad.cases import coefficients, scipy_twin, spaces
+from tests.thbcad.certified.cases import assert_it_falls_with_the_square_of_the_cell_size, graphs
 from thbcad.certified.slope_and_curvature import greatest_slope, least_radii
 from thbcad.sags import Conic, conic_graph, graph_poles, square_coefficients
-from thbcad.splines import BSplineSurface, KnotVector
+from thbcad.splines import BSplineSurface, KnotVector, interpolate
 from thbcad.surfaces import THBSurface
-
-
-@st.composite
-def graphs(draw, **options):
-    """Random scalar surfaces."""
-    kv_u, kv_v = draw(knot_vectors(**options)), draw(knot_vectors(**options))
-    return BSplineSurface(kv_u, kv_v, draw(coefficients(kv_u.dim, kv_v.dim)))
 
 
 def samples(graph, u, v):
     """Return slopes and principal curvatures (least first) at scattered points, by scipy and numpy alone."""
-    spline = NdBSpline(
-        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
-    )
+    spline = scipy_twin(graph)
     z_x, z_y, z_xx, z_xy, z_yy = (
         spline(np.column_stack([u, v]), nu=nu) for nu in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     )
@@ -40,31 +31,16 @@ def inside(kv, shares):
     return kv.start + (kv.stop - kv.start) * shares
 
 
-def bisected(graph):
-    return graph.insert(*(kv.breaks[:-1] + np.diff(kv.breaks) / 2 for kv in (graph.kv_u, graph.kv_v)))
-
-
 def quadric(a, b, kv_x, kv_y):
     """z = a x^2 + b y^2; exact in float64 for knots and factors of few bits."""
     return BSplineSurface(kv_x, kv_y, a * square_coefficients(kv_x)[:, None] + b * square_coefficients(kv_y))
-
-
-def interpolant(kv, z):
-    """The spline of z(x, y) at the Greville abscissae."""
-    x = kv.greville()
-    inverse = np.linalg.inv(kv.collocation(x).toarray())
-    return BSplineSurface(kv, kv, inverse @ z(x[:, None], x[None, :]) @ inverse.T)
 
 
 @pytest.mark.parametrize("degree", [2, 3, 5])
 @pytest.mark.parametrize("radius", [8.0, -8.0])
 def test_the_vertex_of_a_paraboloid(degree, radius):
     kv = KnotVector.uniform(2, 3, -3, 3)
-    graph = quadric(0.5 / radius, 0.5 / radius, kv, kv)
-    for _ in range(degree - 2):
-        e = graph.kv_u.elevation()
-        graph = BSplineSurface(graph.kv_u.elevate(), graph.kv_v.elevate(), e @ graph.coefficients @ e.T)
-    radii = least_radii(graph)
+    radii = least_radii(quadric(0.5 / radius, 0.5 / radius, kv, kv).elevate(degree, degree))
     least, none = (radii.concave, radii.convex) if radius > 0 else (radii.convex, radii.concave)
     assert least.lower <= 8 * (1 + 1e-14)  # degree elevation rounds
     assert least.upper >= 8 * (1 - 1e-14)
@@ -150,9 +126,7 @@ def test_the_slope_of_a_paraboloid():
 @given(graphs(min_degree=1, max_degree=5, max_spans=4), st.integers(0, 2**32 - 1))
 def test_no_sample_is_steeper(graph, seed):
     shares = np.random.default_rng(seed).random((2, 200))
-    spline = NdBSpline(
-        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
-    )
+    spline = scipy_twin(graph)
     points = np.column_stack([inside(kv, s) for kv, s in zip((graph.kv_u, graph.kv_v), shares)])
     slopes = np.hypot(spline(points, nu=(1, 0)), spline(points, nu=(0, 1)))
     found = greatest_slope(graph)
@@ -199,14 +173,14 @@ def test_occt_sees_the_same_curvature():
     from thbcad.cad.shapes import geom_surface
 
     kv = KnotVector.uniform(3, 6, -2, 2)
-    graph = interpolant(kv, lambda x, y: 0.2 * np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2) + 0.05 * x**2)
-    geom = geom_surface(graph_poles(graph, 0.0, graph))
+    wave = interpolate(kv, kv, lambda x, y: 0.2 * np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2) + 0.05 * x**2)
+    geom = geom_surface(graph_poles(wave, 0.0, wave))
 
     def curvatures(u, v):
         properties = GeomLProp_SLProps(geom, float(u), float(v), 2, 1e-12)
         return sorted([properties.MinCurvature(), properties.MaxCurvature()])
 
-    radii = least_radii(graph)
+    radii = least_radii(wave)
     # the sign of OCCT's curvature depends on its normal, which points to +z here
     assert abs(curvatures(radii.concave.u, radii.concave.v)[1]) == pytest.approx(
         1 / radii.concave.value, rel=1e-12
@@ -224,7 +198,7 @@ def test_occt_sees_the_same_curvature():
 def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
     """With a huge tolerance the search ends at the given cells: their bounds err by O(h^2)."""
     kv = KnotVector.uniform(4, 8, -2, 2)
-    graph = interpolant(kv, lambda x, y: np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2))
+    wave = interpolate(kv, kv, lambda x, y: np.sin(1.7 * x + 0.3) * np.cos(1.3 * y - 0.2))
 
     def greatest(graph, tolerance):
         if quantity == "slope":
@@ -233,15 +207,8 @@ def test_bounds_tighten_with_the_square_of_the_cell_size(quantity):
         found = getattr(least_radii(graph, tolerance), quantity)
         return 1 / found.value, 1 / found.lower
 
-    true, errors = greatest(graph, 1e-10)[0], []
-    for _ in range(6):
-        errors.append(greatest(graph, 1e9)[1] - true)
-        graph = bisected(graph)
-    assert errors[-1] > 0
-    # from one level to the next the error varies with the place of the extreme in its cell; the fitted line
-    # does not
-    rate = -np.polyfit(range(6), np.log2(errors), 1)[0]
-    assert 1.7 < rate < 2.5
+    true, _ = greatest(wave, 1e-10)
+    assert_it_falls_with_the_square_of_the_cell_size(lambda graph: greatest(graph, 1e9)[1] - true, wave)
 
 
 @pytest.mark.slow

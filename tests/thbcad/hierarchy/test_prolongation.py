@@ -88,15 +88,6 @@ def test_what_cannot_be_coarsened_is_named():
     assert space.coarsen({0: [(0, 0)], 1: [(0, 1)]}).levels == 2
 
 
-def test_restriction_needs_nested_spaces():
-    kv = KnotVector.uniform(2, 4)
-    space = THBSpace(kv, kv)
-    with pytest.raises(ValueError, match="not a refinement"):
-        space.restriction(space.refine({0: [(0, 0)]}))
-    with pytest.raises(ValueError, match="must be a THBSpace"):
-        space.restriction(None)
-
-
 @given(knot_vectors(max_degree=4, max_spans=4, scales=(1.0,)), st.integers(0, 2**32 - 1))
 def test_extraction_gives_the_level_s_own_coefficients(kv, seed):
     """On every leaf cell scipy's B-spline of that level, on the full bisected knots, is the surface."""

@@ -13,7 +13,6 @@ from tests.thbcad.cases import hierarchies, parameters, points, refined_spaces, 
 from tests.thbcad.hierarchy.cases import block, dof_per_level, entry_roundings, uniform_space
 from thbcad.hierarchy.domains import MAX_LEVEL
 from thbcad.hierarchy.levels import DyadicAxis
-from thbcad.hierarchy.thb_space import THBSpace
 from thbcad.splines import KnotVector
 
 # ---- the truncated basis by its definition ----
@@ -222,12 +221,6 @@ def test_arrays_are_read_only():
 def test_spaces_are_frozen():
     with pytest.raises(FrozenInstanceError):
         uniform_space().kv_u = KnotVector.uniform(2, 3)
-
-
-@pytest.mark.parametrize("arguments", [(1, None), (KnotVector.uniform(2, 3), [0, 1])])
-def test_spaces_need_knot_vectors(arguments):
-    with pytest.raises(ValueError, match=r"kv_[uv] must be a KnotVector, got (int|list)"):
-        THBSpace(*arguments)
 
 
 @pytest.mark.parametrize(

@@ -89,17 +89,6 @@ def test_the_rim_is_inside_the_domain():
         assert np.allclose(corners, [[0, 5], [30, 35]], rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("x", "y", "message"),
-    [(5.1, 0.0, "x = 5.1 lies outside"), (0.0, -4.1, "y = -4.1"), (np.nan, 0.0, "x = nan")],
-)
-def test_positions_outside_are_refused(x, y, message):
-    surface = FreeformSurface((5, 4), Conic(30, -1))
-    for call in (surface, surface.grid):
-        with pytest.raises(ValueError, match=message):
-            call([x], [y])
-
-
 def test_spheres_without_a_sag_get_few_knots():
     lens = Lens(FreeformSurface((5, 5), Conic(40, 0)), FreeformSurface((5, 5), Conic(-30, 0)), 5, 1.5)
     front, rear = lens.graphs()

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, reject, strategies as st
 from scipy.integrate import quad
-from scipy.interpolate import NdBSpline
 from scipy.optimize import minimize
 
 from tests.cases import examples
-from tests.thbcad.cases import refined_spaces, surfaces
+from tests.thbcad.cases import refined_spaces, scipy_twin, surfaces
 from thbcad.hierarchy import THBSpace
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
@@ -63,9 +62,7 @@ def narrow(found, scale):
 
 def derivatives(graph, x, y, orders):
     """Return derivatives at scattered points, by scipy alone."""
-    spline = NdBSpline(
-        (graph.kv_u.knots, graph.kv_v.knots), graph.coefficients, (graph.kv_u.degree, graph.kv_v.degree)
-    )
+    spline = scipy_twin(graph)
     return [spline(np.column_stack([x, y]), nu=nu) for nu in orders]
 
 

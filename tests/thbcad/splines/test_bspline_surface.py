@@ -3,10 +3,17 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.interpolate import NdBSpline
 
 from oracles.spline_definitions import DefinitionTHB, gamma, gauss
-from tests.thbcad.cases import coefficients, hierarchies, points, refined_spaces, spaces, tensor_spaces
+from tests.thbcad.cases import (
+    coefficients,
+    hierarchies,
+    points,
+    refined_spaces,
+    scipy_twin,
+    spaces,
+    tensor_spaces,
+)
 from thbcad.hierarchy import THBSpace
 from thbcad.splines.bsplines import BSplineCurve, BSplineSurface
 from thbcad.splines.knot_vector import KnotVector
@@ -22,14 +29,6 @@ def slope_scale(surface, order):
     """Bound on the size of the terms of a derivative: the product of (2 p / shortest span)^r."""
     kvs = surface.kv_u, surface.kv_v
     return np.prod([(2 * kv.degree / np.diff(kv.breaks).min()) ** r for kv, r in zip(kvs, order)])
-
-
-def scipy_twin(surface):
-    return NdBSpline(
-        (surface.kv_u.knots, surface.kv_v.knots),
-        surface.coefficients,
-        (surface.kv_u.degree, surface.kv_v.degree),
-    )
 
 
 def roundings(surface):
@@ -249,23 +248,6 @@ def test_coefficients_that_are_not_finite_are_refused(bad):
         THBSurface(THBSpace(KV_U, KV_V), c)
     with pytest.raises(ValueError, match="coefficients must be finite"):
         BSplineSurface(KV_U, KV_V, c.reshape(7, 6))
-
-
-@pytest.mark.parametrize(
-    "surface", [BSplineSurface(KV_U, KV_V, np.zeros((7, 6))), THBSurface(THBSpace(KV_U, KV_V), np.zeros(42))]
-)
-def test_evaluation_errors(surface):
-    for method in (surface, surface.grid):
-        with pytest.raises(ValueError, match=r"u = 3\.5 lies outside the domain \[0\.0, 3\.0\]"):
-            method([3.5], [0.0])
-        with pytest.raises(ValueError, match="v = nan lies outside"):
-            method([0.5], [np.nan])
-        with pytest.raises(ValueError, match="derivative must be a non-negative integer"):
-            method([0.5], [0.5], (0, -1))
-    with pytest.raises(ValueError, match=r"u and v must have shapes that broadcast, got \(2,\) and \(3,\)"):
-        surface([0.1, 0.2], [0.1, 0.2, 0.3])
-    with pytest.raises(ValueError, match="one row of numbers"):
-        surface.grid([[0.1]], [0.1])
 
 
 def test_a_scalar_curve_of_a_scalar_is_a_scalar():

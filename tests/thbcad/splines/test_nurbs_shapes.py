@@ -114,14 +114,6 @@ def test_an_ellipse_is_an_affine_image_of_the_circle():
     assert abs(((x - 1) / 5) ** 2 + (y / 2) ** 2 - 1).max() <= 20 * EPS
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, None, "a"])
-def test_radii_are_refused(radius):
-    with pytest.raises(ValueError, match=f"radius must be a positive finite number, got {radius}"):
-        circular_arc(radius)
-    with pytest.raises(ValueError, match=f"radius must be a positive finite number, got {radius}"):
-        meridian(Conic(), radius)
-
-
 @pytest.mark.parametrize("angle", [0.0, 6.3, -7.0, np.nan, None, "a"])
 def test_angles_are_refused(angle):
     with pytest.raises(ValueError, match=r"angle must be at most one turn|angle must be a finite number"):

@@ -58,10 +58,3 @@ def test_a_refined_corner_becomes_a_face_of_its_own():
     assert [f.coefficients.shape for f in surface.to_faces(np.inf)] == [(27, 27)]
     assert sorted(f.coefficients.shape for f in surface.to_faces(10)) == [(11, 11), (11, 19), (19, 19)]
     assert len(surface.to_patches()) == 3
-
-
-@pytest.mark.parametrize("price", [-1, np.nan])
-def test_prices_are_refused(price):
-    kv = KnotVector.uniform(2, 3)
-    with pytest.raises(ValueError, match="the price of a face must be a number of at least 0, got"):
-        THBSurface(THBSpace(kv, kv), np.zeros(25)).to_faces(price)
