@@ -50,50 +50,70 @@ def small_light(folder, backend, changes=None, height=0.02, per_pixel=None):
     return PerturbedLight(*small_system(folder, changes, height), backend, per_pixel)
 
 
+def from_source(p, origin, direction, source_z):
+    """Return start and direction of a ray of a source that is moved, its middle at (0, 0, source_z)."""
+    turn, pivot = Rotation.from_rotvec(p.source_tilt), np.array([0, 0, source_z])
+    return turn.apply(origin - pivot) + pivot + p.source_shift, turn.apply(direction)
+
+
+def shaped(surface, error=None, power=1.0):
+    """Return the function of x and y that tells z and slopes; power : of a bent paraboloid, in proportion."""
+
+    def jet(x, y):
+        x, y = (np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width))
+        own = np.array([surface(x, y, d) for d in ((0, 0), (1, 0), (0, 1))]) * power
+        return own if error is None else own + error.jet(np.array([x]), np.array([y]))[:, 0]
+
+    return jet
+
+
+def through(start, ray, frames, jet, eta):
+    """Return start and direction of a ray behind a surface, which it meets by bisection.
+
+    frames : rotations and shifts of one frame within another, outermost first.  eta : of the indices before
+    and behind; 0 mirrors.
+    """
+    for turn, shift in frames:
+        start, ray = turn.apply(start - shift, inverse=True), turn.apply(ray, inverse=True)
+
+    def above(t):
+        x, y, z = start + t * ray
+        return z - jet(x, y)[0]
+
+    guess = -start[2] / ray[2]
+    met = start + brentq(above, guess - 3, guess + 4, xtol=1e-14, rtol=1e-15) * ray
+    _, zx, zy = jet(*met[:2])
+    normal = np.array([-zx, -zy, 1.0]) / np.sqrt(1 + zx * zx + zy * zy)
+    cosine = ray @ normal
+    if eta:
+        ray = eta * ray + (np.sqrt(1 - eta**2 * (1 - cosine**2)) - eta * cosine) * normal
+    else:
+        ray = ray - 2 * cosine * normal
+    for turn, shift in reversed(frames):
+        met, ray = turn.apply(met) + shift, turn.apply(ray)
+    return met, ray
+
+
+def on_target(start, ray, p, turn, position):
+    """Return x and y of a ray on a target that is moved along its own axes, which a rotation turns."""
+    middle = turn.apply(p.target_shift) + position
+    axes = (turn * Rotation.from_rotvec(p.target_tilt)).apply(np.eye(3))  # rows: in the frame of the scene
+    t = (middle - start) @ axes[2] / (ray @ axes[2])
+    return (start + t * ray - middle) @ axes[:2].T
+
+
 def traced_by_numpy(lens, p, origin, direction, target_z, source_z):
     """Return x and y on the moved target of one ray of the source, in the world's frame.
 
-    Surfaces are roots of F(X) = z - f(x, y) of the point in the lens's own frame, met by bisection; the lens
-    has been made already (thickness, index, powers).
+    The lens has been made already (thickness, index, powers).
     """
-    lens_turn, source_turn, target_turn = (
-        Rotation.from_rotvec(t) for t in (p.lens_tilt, p.source_tilt, p.target_tilt)
-    )
-    pivot = np.array([0, 0, source_z])
-    start = source_turn.apply(origin - pivot) + pivot + p.source_shift
-    ray = source_turn.apply(direction)
-
-    front_turn = Rotation.from_rotvec(p.front_tilt)
-    front_shift = lens_turn.apply(p.front_shift) + p.lens_shift
-
-    for surface, vertex, error, eta, turn, shift in (
-        (lens.front, 0.0, p.front_error, 1 / lens.index, lens_turn * front_turn, front_shift),
-        (lens.rear, lens.thickness, p.rear_error, lens.index, lens_turn, np.asarray(p.lens_shift)),
-    ):
-
-        def in_own_frame(point, turn=turn, shift=shift):
-            return turn.apply(point - shift, inverse=True)
-
-        def height(t, start=start, ray=ray, surface=surface, vertex=vertex, error=error, own=in_own_frame):
-            x, y, z = own(start + t * ray)
-            x, y = (np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width))
-            dh = 0.0 if error is None else error.jet(np.array([x]), np.array([y]))[0, 0]
-            return z - vertex - surface(x, y) - dh
-
-        guess = (vertex - start[2]) / ray[2]
-        t = brentq(height, guess - 3, guess + 4, xtol=1e-14, rtol=1e-15)
-        start = start + t * ray
-        x, y, _ = in_own_frame(start)
-        slope = np.array([surface(x, y, d) for d in ((1, 0), (0, 1))])
-        if error is not None:
-            slope = slope + error.jet(np.array([x]), np.array([y]))[1:, 0]
-        normal = turn.apply(np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + slope @ slope))
-        cosine = ray @ normal
-        ray = eta * ray + (np.sqrt(1 - eta**2 * (1 - cosine**2)) - eta * cosine) * normal
-    middle = np.array([0, 0, target_z]) + p.target_shift
-    axes = target_turn.apply(np.eye(3))  # rows: the target's own axes in the world
-    t = (middle - start) @ axes[2] / (ray @ axes[2])
-    return (start + t * ray - middle) @ axes[:2].T
+    start, ray = from_source(p, origin, direction, source_z)
+    own = Rotation.from_rotvec(p.lens_tilt), np.array(p.lens_shift)
+    front = Rotation.from_rotvec(p.front_tilt), np.array(p.front_shift)
+    rear = Rotation.identity(), np.array([0.0, 0.0, lens.thickness])
+    start, ray = through(start, ray, [own, front], shaped(lens.front, p.front_error), 1 / lens.index)
+    start, ray = through(start, ray, [own, rear], shaped(lens.rear, p.rear_error), lens.index)
+    return on_target(start, ray, p, Rotation.identity(), (0.0, 0.0, target_z))
 
 
 def few(system, **amounts):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from optics.base.runtime import UserError
@@ -13,7 +12,14 @@ from optics.tolerancing.monte_carlo_samples import FormTolerance
 from optics.tolerancing.perturbations import NOMINAL, LinearLight, Perturbation, PerturbedLight, tolerances_of
 from optics.tolerancing.perturbations.perturbation import ElementErrors
 from tests.optics.cases import rough
-from tests.optics.tolerancing.perturbations.cases import Bowl, Waves
+from tests.optics.tolerancing.perturbations.cases import (
+    Bowl,
+    Waves,
+    from_source,
+    on_target,
+    shaped,
+    through,
+)
 from thbcad.poses import Pose
 from thbcad.surfaces import THBSurface
 
@@ -59,44 +65,16 @@ def by_numpy(system, lens, p, origin, direction):
     frames, index = posed(one, of), fixed.index + of.index
     front = (Rotation.from_rotvec(of.front_tilt), np.array(of.front_shift))
     behind = (Rotation.identity(), np.array([0.0, 0.0, fixed.thickness + of.thickness]))
-    bent = 1 + of.rear_power
-    pivot = np.array([0, 0, -system.problem.source.distance])
-    turn = Rotation.from_rotvec(p.source_tilt)
-    start, ray = turn.apply(origin - pivot) + pivot + p.source_shift, turn.apply(direction)
-    for surface, frame, eta, error, power in (
-        (fixed.front, [*frames, front], 1 / index, of.front_error, 1.0),
-        (fixed.rear, [*frames, behind], index, None, bent),
-        (lens.front, posed(mirror, p), 0.0, p.front_error, 1.0),
+    start, ray = from_source(p, origin, direction, -system.problem.source.distance)
+    for frame, eta, jet in (
+        ([*frames, front], 1 / index, shaped(fixed.front, of.front_error)),
+        ([*frames, behind], index, shaped(fixed.rear, power=1 + of.rear_power)),
+        (posed(mirror, p), 0.0, shaped(lens.front, p.front_error)),
     ):
-        for turn, shift in frame:
-            start, ray = turn.apply(start - shift, inverse=True), turn.apply(ray, inverse=True)
-
-        def height(x, y, surface=surface, error=error, power=power):
-            """z and slopes; of a bent paraboloid in proportion to its curvature."""
-            jet = np.array([surface(x, y, d) for d in ((0, 0), (1, 0), (0, 1))]) * power
-            return jet if error is None else jet + error.jet(np.array([x]), np.array([y]))[:, 0]
-
-        def above(t, start=start, ray=ray, height=height):
-            x, y, z = start + t * ray
-            return z - height(x, y)[0]
-
-        guess = -start[2] / ray[2]
-        start = start + brentq(above, guess - 3, guess + 3, xtol=1e-14, rtol=1e-15) * ray
-        _, zx, zy = height(*start[:2])
-        normal = np.array([-zx, -zy, 1.0]) / np.sqrt(1 + zx * zx + zy * zy)
-        cosine = ray @ normal
-        if eta:
-            ray = eta * ray + (np.sqrt(1 - eta**2 * (1 - cosine**2)) - eta * cosine) * normal
-        else:
-            ray = ray - 2 * cosine * normal
-        for turn, shift in reversed(frame):
-            start, ray = turn.apply(start) + shift, turn.apply(ray)
+        start, ray = through(start, ray, frame, jet, eta)
     target = system.problem.target
     turn = Rotation.from_euler("XYZ", target.tilt, degrees=True)
-    middle = turn.apply(p.target_shift) + target.position
-    axes = (turn * Rotation.from_rotvec(p.target_tilt)).apply(np.eye(3))
-    t = (middle - start) @ axes[2] / (ray @ axes[2])
-    return (start + t * ray - middle) @ axes[:2].T
+    return on_target(start, ray, p, turn, target.position)
 
 
 TENTH, FREE_OF_CARE = 0.1, 100.0  # of a pixel; times the usual amount
