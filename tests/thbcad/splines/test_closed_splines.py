@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
 
 from tests.cases import examples
-from tests.thbcad.cases import SCALES, parameters, seeds
+from tests.thbcad.cases import SCALES, knot_vectors, parameters, seeds
 from thbcad import BSplineCurve, BSplineSurface, KnotVector, interpolate
 
 EPS = np.finfo(float).eps
@@ -15,11 +15,8 @@ EPS = np.finfo(float).eps
 @st.composite
 def periodic_vectors(draw, max_degree=6, max_spans=6, scales=SCALES):
     """Spans of ratio up to 9, inner knots of any multiplicity; often fewer spans than degrees."""
-    p = draw(st.integers(1, max_degree))
-    gaps = draw(st.lists(st.integers(1, 9), min_size=1, max_size=max_spans))
-    counts = draw(st.lists(st.integers(1, p), min_size=len(gaps) - 1, max_size=len(gaps) - 1))
-    breaks = draw(st.integers(-9, 9)) + np.r_[0, np.cumsum(gaps)]
-    return KnotVector.periodic(p, np.repeat(draw(st.sampled_from(scales)) * breaks, [1, *counts, 1]))
+    kv = draw(knot_vectors(max_degree=max_degree, max_spans=max_spans, scales=scales))
+    return KnotVector.periodic(kv.degree, kv.knots[kv.degree : -kv.degree])
 
 
 def rounding(kv, derivative=0):

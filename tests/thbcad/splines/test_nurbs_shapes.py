@@ -8,6 +8,7 @@ from OCP.Geom import Geom_SurfaceOfRevolution
 from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp, gp_Ax1, gp_Ax2, gp_Circ, gp_Dir, gp_Pnt
 
+from oracles.spline_definitions import gauss
 from tests.thbcad.cases import seeds
 from tests.thbcad.splines.cases import curves, geom_curve
 from thbcad.cad.shapes import spline_surface
@@ -18,6 +19,7 @@ from thbcad.splines.nurbs_shapes import circular_arc, conic_arc, line, revolved,
 
 EPS = np.finfo(float).eps
 U = np.linspace(0, 1, 201)
+NODES = 24  # of a span: functions that are analytic there are integrated to rounding
 ANGLES = st.floats(-2 * np.pi, 2 * np.pi).filter(lambda a: abs(a) > 1e-3)
 RADII = st.floats(0.1, 1e3)
 IN_SPACE = np.array([[1.0, 0], [0, 0], [0, 1]])  # (r, z) to (x, 0, z)
@@ -32,21 +34,13 @@ def conics(draw):
     return Conic(radius, constant), min(25.0, draw(st.floats(0.01, 0.99)) * min(reach, 1e9))
 
 
-def gauss(kv, n=24):
-    """Gauss nodes and weights on every span: functions that are analytic on a span are integrated to
-    rounding."""
-    x, w = np.polynomial.legendre.leggauss(n)
-    half = np.diff(kv.breaks)[:, None] / 2
-    return (kv.breaks[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
-
-
 def length(curve):
-    u, w = gauss(curve.kv)
+    u, w = gauss(curve.kv.breaks, NODES)
     return w @ np.linalg.norm(curve(u, 1), axis=1)
 
 
 def area(surface):
-    (u, a), (v, b) = gauss(surface.kv_u), gauss(surface.kv_v)
+    (u, a), (v, b) = (gauss(kv.breaks, NODES) for kv in surface.knot_vectors)
     return a @ np.linalg.norm(np.cross(surface.grid(u, v, (1, 0)), surface.grid(u, v, (0, 1))), axis=2) @ b
 
 

@@ -16,11 +16,8 @@ MOST = 40_000  # bytes
 def large():
     """A surface of 227 x 227 poles on level 6, rough enough that nothing of its picture compresses."""
     kv = KnotVector.uniform(3, 7)
-    space = THBSpace(kv, kv)
-    for level in range(5):
-        n = 7 << level
-        space = space.refine({level: np.argwhere(np.ones((n, n)))})
-    space = space.refine({5: [(i, j) for i in range(0, 100) for j in range(i % 2, 100, 2)]})
+    board = [(i, j) for i in range(100) for j in range(i % 2, 100, 2)]
+    space = THBSpace(kv, kv).uniform(5).refine({5: board})
     return THBSurface(space, np.random.default_rng(0).uniform(size=space.dim))
 
 

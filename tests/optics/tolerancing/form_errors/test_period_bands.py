@@ -1,6 +1,7 @@
 """What bands of period cost: the pixels' MTF, the formula in expectation against random probes, limits."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from optics.tolerancing.form_errors import (
     local_formula_of,
     pixel_mtf,
 )
+from optics.tolerancing.form_errors.allowed_errors import _Probed
 from optics.tolerancing.form_errors.period_bands import on_target, period_bands_of
 from optics.tolerancing.perturbations import Sine, random_field, shortest_period
 from tests.optics.cases import WIDE
@@ -112,24 +114,21 @@ def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
         form_errors_of(system, lens, backend, rise)
 
 
+def probed_plate(folder, backend, cells):
+    """Return the rear of a bumpy plate, to be probed by so many cells each way."""
+    system, lens = system_and_lens(folder, PLATE, bumps=0.003)
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    formula_of = partial(local_formula_of, system, lens, "rear", backend)
+    return _Probed(formula_of((cells, cells)), target, lens.rear.outline, formula_of)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("band", [(1.0, 2.0), pytest.param((2.0, 5.0), marks=SLOW)])
 def test_the_cost_of_short_ripples_is_that_of_many_more_cells(tmp_path, backend, band):
     """As many cells as a band asks for, and what they leave of it, against four times as many."""
-    from optics.tolerancing.form_errors.allowed_errors import _Probed
-
-    system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
-    target = system.target.irradiance(system.target.screen(), 1.0)
-
-    def finer(counts):
-        return local_formula_of(system, lens, "rear", backend, counts)
-
-    def of(counts):
-        return _Probed(finer(counts), target, lens.rear.outline, finer).cost(band, RISE)[0]
-
-    usual, fine = of((48, 48)), of((640, 640))
+    usual, fine, again = (probed_plate(tmp_path, backend, n).cost(band, RISE)[0] for n in (48, 640, 48))
     assert usual.change_per_mm == pytest.approx(fine.change_per_mm, rel=0.03)
-    assert usual.traced_rel_l2 - of((48, 48)).traced_rel_l2 == 0
+    assert usual.traced_rel_l2 == again.traced_rel_l2
 
 
 @pytest.mark.slow
@@ -147,18 +146,10 @@ def test_light_that_ends_before_the_rim_starts_from_the_same_rel_l2_as_the_repor
 @pytest.mark.parametrize("period", [1.05, 1.4, 1.9])
 def test_no_regular_ripple_of_the_allowed_height_brings_more_than_the_rise(tmp_path, backend, period):
     """Of any period and direction of the band, each with 25 cells on it."""
-    from optics.tolerancing.form_errors.allowed_errors import _Probed
-
-    system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
-    target = system.target.irradiance(system.target.screen(), 1.0)
-
-    def finer(counts):
-        return local_formula_of(system, lens, "rear", backend, counts)
-
-    probed = _Probed(finer((160, 160)), target, lens.rear.outline, finer)
+    probed = probed_plate(tmp_path, backend, 160)
     cost, _ = probed.cost((1.0, 2.0), RISE)
-    fine = finer((480, 480))
+    fine = probed.finer((480, 480))
     for direction in (11.0, 34.0, 80.0):
         ripple = Sine(cost.allowed_pv_sine / 2, period, direction)
-        rise = rel_l2(fine.traced_irradiance(ripple) / fine.shown, target) - probed.rel_l2
+        rise = rel_l2(fine.traced_irradiance(ripple) / fine.shown, probed.target) - probed.rel_l2
         assert rise < 1.05 * RISE
