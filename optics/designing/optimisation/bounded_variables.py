@@ -15,16 +15,14 @@ from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.designing.optimisation.indicators import LEAST
 from optics.designing.optimisation.symmetry import Mirrors
+from thbcad.checks import Floats
 from thbcad.fitting import Continuation
 from thbcad.hierarchy import MultilevelBasis
 from thbcad.outlines import Outline
 from thbcad.surfaces import THBSurface
-
-Floats = NDArray[np.float64]
 
 SHARPNESS = 8
 STEP = 0.02  # of the bound: the length of the optimiser's unit

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.fitting import cell_shares
 from thbcad.hierarchy import THBSpace
 from thbcad.outlines import Outline
@@ -32,9 +32,7 @@ def refined_once(space: THBSpace, max_level: int) -> THBSpace:
     return space.refine(space.cells[:, 0] < max_level)
 
 
-def promised_decrease(
-    space: THBSpace, finer: THBSpace, gradient: NDArray[np.float64], probes: Sequence[NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def promised_decrease(space: THBSpace, finer: THBSpace, gradient: Floats, probes: Sequence[Floats]) -> Floats:
     """Return for every leaf cell the sum of g^2 / (2 h) over the new functions of a finer space, (n_cells,).
 
     A function counts for the cell in which its middle lies.
@@ -58,7 +56,7 @@ def promised_decrease(
     return out
 
 
-def near_cells(space: THBSpace, outline: Outline) -> NDArray[np.bool_]:
+def near_cells(space: THBSpace, outline: Outline) -> Bools:
     """Return which leaf cells lie in an outline, or beside it within p / 2 of their sides, (n_cells,).
 
     All functions that see light are then as fine as their cells.
@@ -72,11 +70,11 @@ def near_cells(space: THBSpace, outline: Outline) -> NDArray[np.bool_]:
 
 def mark(
     space: THBSpace,
-    indicator: NDArray[np.float64],
+    indicator: Floats,
     alpha: float,
     max_level: int,
-    near: NDArray[np.bool_] | None = None,
-) -> dict[int, NDArray[np.int64]]:
+    near: Bools | None = None,
+) -> dict[int, Integers]:
     """Return {level: cells} of the leaf cells with Z > alpha * mean(Z), below `max_level`.
 
     The mean is taken over the active cells (thesis 6.3 divides by the number of cells of a full level

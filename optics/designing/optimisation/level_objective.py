@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.indicators import (
@@ -29,7 +28,7 @@ from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
@@ -90,7 +89,7 @@ def stage_objective(
     system: OpticalSystem,
     lens: Lens,
     stage: Stage,
-    target: NDArray[np.float64],
+    target: Floats,
     engine: Engine,
     axes: Sequence[int] = (),
     fresh: np.random.Generator | None = None,
@@ -156,8 +155,8 @@ def penalised_objective(
     system: OpticalSystem,
     lens: Lens,
     model: LightModel,
-    target: NDArray[np.float64],
-    background: NDArray[np.float64] | None = None,
+    target: Floats,
+    background: Floats | None = None,
     far_sighted: bool = False,
     zones: ZoneLoss | None = None,
 ) -> Objective:
@@ -181,7 +180,7 @@ def penalised_objective(
 
 def marked_cells(
     system: OpticalSystem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
-) -> list[dict[int, NDArray[np.int64]]]:
+) -> list[dict[int, Integers]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
     problem = system.problem
     sags = system.sags(lens)
@@ -208,10 +207,10 @@ class Indicators:
 
     system: OpticalSystem
     engine: Engine
-    target: NDArray[np.float64]
+    target: Floats
     start: TransportStart | None
 
-    def __call__(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+    def __call__(self, lens: Lens, stage: Stage) -> list[Floats]:
         indicator = self.system.problem.refinement.indicator
         if indicator == "decrease":
             sags = self.system.sags(lens)
@@ -233,7 +232,7 @@ class Indicators:
         misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
         return [misfit] if len(self.system.freeforms) == 1 else [*self.vertex(lens, stage)[:-1], misfit]
 
-    def vertex(self, lens: Lens, stage: Stage) -> list[NDArray[np.float64]]:
+    def vertex(self, lens: Lens, stage: Stage) -> list[Floats]:
         """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
         rectangles = [surface.half_width for surface in self.system.free_surfaces(lens)]
         spans = [f.spans for f in self.system.freeforms]

@@ -19,7 +19,7 @@ from math import ceil
 import numpy as np
 from scipy.optimize import minimize
 
-from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.penalties import (
     ROOM,
@@ -30,6 +30,7 @@ from optics.designing.penalties import (
 )
 from optics.scene.limits import Miss, limit_misses
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 

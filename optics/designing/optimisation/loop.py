@@ -21,7 +21,7 @@ from time import perf_counter
 import numpy as np
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.first_state import (
     first_state,
     fitted,
@@ -50,6 +50,7 @@ from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 

@@ -27,15 +27,13 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
 from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import ShapePenalty
 from optics.light.engines import Light, LightModel
+from thbcad.checks import Floats
 from thbcad.splines import KnotVector
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,13 @@ import numpy as np
 
 from optics.base.optimisers import LBFGS, Adam
 from optics.base.runtime import NumericalError
-from optics.designing.optimisation.bounded_variables import BoundedVariables, Floats
+from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.objective import Evaluation, Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage
 from optics.designing.optimisation.state import Row, State
 from optics.designing.penalties import ShapePenalty
 from optics.scene.problem import Problem
+from thbcad.checks import Floats
 from thbcad.surfaces import THBSurface
 
 STEPS = 10  # over which the fall of the misfit is looked at

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem, pose_of
+from thbcad.checks import Floats, Integers
 from thbcad.hierarchy import THBSpace
 
 TOLERANCE = 1e-12  # of the greatest value
 
 
-def mirror_axes(target: NDArray[np.float64], profile: Profile) -> tuple[int, ...]:
+def mirror_axes(target: Floats, profile: Profile) -> tuple[int, ...]:
     """Return the directions (0 for x, 1 for y) in which target and source are their own mirror images.
 
     target : (rows, columns), on the target's pixels.
@@ -64,22 +64,22 @@ class Mirrors:
         """Whether values are averaged in a direction."""
         return axis in self._axes
 
-    def of_coefficients(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of_coefficients(self, values: Floats) -> Floats:
         """Return coefficients (or their gradient) averaged with their mirror images, (dim,)."""
         return _averaged(values, self._functions)
 
-    def of_cells(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of_cells(self, values: Floats) -> Floats:
         """Return numbers of leaf cells averaged with their mirror images, (n_cells,)."""
         return _averaged(values, self._cells)
 
 
-def _averaged(values: NDArray[np.float64], permutations: Sequence[NDArray[np.int64]]) -> NDArray[np.float64]:
+def _averaged(values: Floats, permutations: Sequence[Integers]) -> Floats:
     for permutation in permutations:
         values = (values + values[permutation]) / 2
     return values
 
 
-def _mirrored(rows: NDArray[np.int64], axis: int, spans: int, extra: int) -> NDArray[np.int64] | None:
+def _mirrored(rows: Integers, axis: int, spans: int, extra: int) -> Integers | None:
     """Return the row of the mirror image of every [level, i, j]; None where one is missing."""
     images = rows.copy()
     images[:, 1 + axis] = (spans << rows[:, 0]) + extra - 1 - rows[:, 1 + axis]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 
 
-def summed_over_cells(
-    space: THBSpace, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def summed_over_cells(space: THBSpace, x: Floats, y: Floats, values: Floats) -> Floats:
     """Return the sum of values on a grid x x y over every leaf cell, (n_cells,).
 
     Of |dL/dz| it is Z of (6.2).

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from optics.designing.starts.rear_light import Floats, RearLight
+from optics.designing.starts.rear_light import RearLight
 from optics.designing.transport import LEAST_SHARE, height_from_slopes
 from optics.light.refraction import ShapedSurface
 from optics.light.tracing import transmittances
 from optics.scene.paths import LightPath, Surface
+from thbcad.checks import Floats
 
 CELLS = 64  # in a direction, at most: they tell the share to a thousandth
 STEPS = 4  # of slopes and height, which depend on each other

@@ -15,13 +15,13 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_start import Picture, ShapedLight
-from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight, centres, inside
+from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight, centres, inside
 from optics.designing.transport import height_from_slopes, prewarped, transport_map
 from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem, target_irradiance
-from thbcad.checks import Bools
+from thbcad.checks import Bools, Floats
 
 SNELL_STEPS = 4
 CHANGE = 0.05  # of the density to ask for, relative to that wanted: with less another map does not pay

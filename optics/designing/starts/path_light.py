@@ -12,12 +12,13 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from optics.base.runtime import Backend, DrArray, UserError
-from optics.designing.starts.rear_light import DARK, LEAST_WEIGHT, Floats, RearLight, centres
+from optics.designing.starts.rear_light import DARK, LEAST_WEIGHT, RearLight, centres
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen, fit_picture
 from optics.scene.sources import LightSource, corner_flux
+from thbcad.checks import Floats
 
 ALIKE = 1e-12  # directions that differ by less are one: they need not be laid down
 # cells of the source, in each direction, to a cell of the grid: those of a beam all meet the surface

@@ -17,13 +17,14 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_light import light_on, picture_on
-from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
+from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight
 from optics.designing.starts.transport_chart import Middle, TransportChart
 from optics.designing.transport import prewarped, transport_map
 from optics.light.refraction import ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.receivers import fit_picture
 from optics.scene.sources import LightSource
+from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface

@@ -6,16 +6,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thbcad.checks import Floats
 from thbcad.outlines import Outline
 
 DARK = 1e-3  # of the greatest irradiance: nothing is sent there
 LEAST_WEIGHT = 1e-3  # of cells without light
 PARALLEL = 1e-6  # difference of directions, at most
 EVEN = 32  # cells across an outline are a multiple of it: grids are halved, and cosine transforms are fast
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,9 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import map_coordinates
 
 from optics.base.runtime import UserError
-from optics.designing.starts.rear_light import LEAST_WEIGHT, Floats, RearLight
+from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight
 from optics.light.refraction import ShapedSurface, normalised
+from thbcad.checks import Floats
 
 Pair: TypeAlias = Any  # of numbers or arrays of any shape
 STEP = 1e-3  # of the half-widths, and of a direction: for differences

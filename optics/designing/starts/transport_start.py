@@ -21,15 +21,11 @@ from optics.designing.starts.lost_light import CELLS, lost_share, stretched
 from optics.designing.starts.parallel_start import ParallelStart
 from optics.designing.starts.path_light import light_on
 from optics.designing.starts.path_start import MOST_ROUNDS, Picture, shaped_along
-from optics.designing.starts.rear_light import (
-    DARK,
-    Floats,
-    RearLight,
-    as_many_within,
-)
+from optics.designing.starts.rear_light import DARK, RearLight, as_many_within
 from optics.light.blur import aimed
 from optics.scene.receivers import lit_part
 from optics.scene.system import OpticalSystem
+from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, require_sound
