@@ -23,8 +23,7 @@ def stretched(places: Sequence[Floats], before: RearLight, now: RearLight) -> li
     at = []
     for axis, (row, new) in enumerate(((before.x, now.x), (before.y, now.y))):
         (a, b), (c, d) = (
-            r[light.emitted(light.weight.shape).sum(axis=1 - axis) > 0][[0, -1]]
-            for r, light in ((row, before), (new, now))
+            r[light.flux.sum(axis=1 - axis) > 0][[0, -1]] for r, light in ((row, before), (new, now))
         )
         at.append((a + (new - c) * (b - a) / (d - c) - row[0]) / (row[1] - row[0]))
     grid = np.meshgrid(*at, indexing="ij")
@@ -60,10 +59,10 @@ def lost_share(
     made_up : s0, (nx, ny).
     """
     shaped, surface = ShapedSurface.of(path, number), path.surfaces[number]
-    some = tuple(slice(n // CELLS // 2, None, max(1, n // CELLS)) for n in (light.x.size, light.y.size))
+    some = tuple(slice(n // CELLS // 2, None, max(1, n // CELLS)) for n in light.counts)
     x, y = (row[part] for row, part in zip((light.x, light.y), some))
     along = [d[some] for d in light.direction]
-    flux, wanted = light.emitted(light.direction[0].shape)[some], [a[some] for a in places]
+    flux, wanted = light.flux[some], [a[some] for a in places]
     before = np.maximum(made_up[some], LEAST_SHARE)
     jet = [surface.shape.conic(x[:, None], y[None, :], d) for d in ((0, 0), (1, 0), (0, 1))]
     height, base = jet[0], jet[1:]

@@ -42,7 +42,6 @@ class ParallelStart:
 
     def shaped(self) -> ShapedLight:
         """Return what the picture asks of the rear."""
-        light, flux = self._light, self._light.emitted(self.counts)
         arrival = self._arrival(self.wanted.flux)
         above, refracts = self._above(arrival, np.zeros(self.counts), SNELL_STEPS)
         picture, share = self._prewarped(arrival, above)
@@ -50,7 +49,8 @@ class ParallelStart:
             arrival = self._arrival(picture)
             above, _ = self._above(arrival, self._height(above), 1)
         made_up = np.ones(self.counts) if picture is None else share
-        return ShapedLight(light, above, float(np.average(refracts, weights=flux)), arrival, made_up)
+        bent = float(np.average(refracts, weights=self._light.flux))
+        return ShapedLight(self._light, above, bent, arrival, made_up)
 
     @cached_property
     def _half(self) -> list[float]:
@@ -129,7 +129,7 @@ class ParallelStart:
         density = self._density(wanted.flux, self.counts)
         share = passing_share(self.path.surfaces[self.path.shaped], self._refraction, light.direction, slopes)
         sent = wanted.relative(arrival)
-        asked = prewarped(density, sent, beside, light.emitted(self.counts), share=share)
+        asked = prewarped(density, sent, beside, light.flux, share=share)
         change = np.linalg.norm(asked / asked.mean() - density / density.mean())
         enough = CHANGE if self.system.lens.rear.outline.is_rectangle else CHANGE_WITHIN
         much = change > enough * np.linalg.norm(density / density.mean())
@@ -145,5 +145,5 @@ class ParallelStart:
         (hx, hy), (u, v), half = self.wanted.half, self.wanted.centre, self._half
         aspect = np.sqrt(half[0] * hx / (half[1] * hy))
         density = partial(self._density, picture)
-        plan = transport_map(self.backend, density, self.counts, aspect, self._light.emitted)
-        return u + hx * plan.tx, v + hy * plan.ty
+        tx, ty = transport_map(self.backend, density, self.counts, aspect, self._light.emitted)
+        return u + hx * tx, v + hy * ty

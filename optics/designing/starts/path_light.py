@@ -6,7 +6,7 @@ laid down alike in whatever coordinates transport takes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -67,7 +67,7 @@ def light_on(
     return RearLight(
         *centres(half, counts),
         [p, q, np.sqrt(np.maximum(1 - p * p - q * q, 0.0))],
-        lambda grid: fit_picture(emitted.T, (grid[0], grid[1]), 1.0, "stretch").T,
+        resampled(emitted),
         weight,
     )
 
@@ -90,6 +90,11 @@ def picture_on(
     with backend.dr.suspend_grad():
         passing = backend.array(flux.ravel())
         return _picture(screen, MappedCells(backend, screen, light, flux)(x, y, passing, passing >= 0))
+
+
+def resampled(light: Floats) -> Callable[[tuple[int, ...]], Floats]:
+    """Return the density that gives means of a grid of cells on other grids over the same rectangle."""
+    return lambda grid: fit_picture(light.T, (grid[0], grid[1]), 1.0, "stretch").T
 
 
 def _picture(screen: Screen, image: DrArray) -> Floats:

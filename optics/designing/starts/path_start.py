@@ -9,20 +9,19 @@ each direction do in all rounds but the last.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from optics.base.runtime import Backend
 from optics.designing.starts.lost_light import passing_share
-from optics.designing.starts.path_light import light_on, picture_on
+from optics.designing.starts.path_light import light_on, picture_on, resampled
 from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight
 from optics.designing.starts.transport_chart import Middle, TransportChart
 from optics.designing.transport import prewarped, transport_map
 from optics.light.refraction import ShapedSurface
 from optics.scene.paths import LightPath
-from optics.scene.receivers import fit_picture
 from optics.scene.sources import LightSource
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes
@@ -109,12 +108,12 @@ def shaped_along(
         grid = counts if settled or not left else _halved(counts)
         coarse, fine = _meshes(space, grid, finest)
         light = light_on(backend, path.with_shape(number, shape.with_sag(sag)), number, source, grid)
-        flux, first = light.emitted(grid), sag.grid(light.x, light.y)
+        flux, first = light.flux, sag.grid(light.x, light.y)
         if chart is None:
             height = shape.conic(light.x[:, None], light.y[None, :]) + first
             chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
             corners = chart.to(wanted.corners())
-        sent = _sent(backend, light, chart, corners, asked, grid)
+        sent = _sent(backend, light, chart, corners, asked)
         for mesh in [coarse] * COARSE_FITS + [fine]:
             points, slopes = _jet(shape.with_sag(sag), light)
             near = slopes if needed is None or needed[0].shape != grid else needed
@@ -171,27 +170,17 @@ def _difference(one: Picture, other: Picture | None = None) -> float:
 
 
 def _sent(
-    backend: Backend,
-    light: RearLight,
-    chart: TransportChart,
-    q: Sequence[Floats],
-    asked: Picture,
-    counts: tuple[int, int],
+    backend: Backend, light: RearLight, chart: TransportChart, q: Sequence[Floats], asked: Picture
 ) -> list[Floats]:
     """Return u and v of the places to which transport sends the light's cells, (nx, ny) each.
 
     q : of the corners of the picture's pixels on the chart.
     """
     box = [(float(a.min()), float(a.max())) for a in q]
-    density = stretched(picture_on(backend, q, asked.flux, box, counts))
+    density = resampled(picture_on(backend, q, asked.flux, box, light.counts))
     halves = [(high - low) / 2 for low, high in box]
-    widths = [n * (row[1] - row[0]) for n, row in zip(counts, (light.x, light.y))]
+    widths = [n * (row[1] - row[0]) for n, row in zip(light.counts, (light.x, light.y))]
     aspect = float(np.sqrt(widths[0] * halves[0] / (widths[1] * halves[1])))
-    plan = transport_map(backend, density, counts, aspect, light.emitted)
-    places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, (plan.tx, plan.ty), halves)])
+    sent = transport_map(backend, density, light.counts, aspect, light.emitted)
+    places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, sent, halves)])
     return [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)]
-
-
-def stretched(light: Floats) -> Callable[[tuple[int, int]], Floats]:
-    """Return the density that gives means of a grid of cells on other grids over the same rectangle."""
-    return lambda grid: fit_picture(light.T, (grid[0], grid[1]), 1.0, "stretch").T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,16 @@ class RearLight:
     direction: Sequence[Floats]
     emitted: Callable[[tuple[int, ...]], Floats]
     weight: Floats
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Cells in x and y."""
+        return self.x.size, self.y.size
+
+    @cached_property
+    def flux(self) -> Floats:
+        """The density of flux on its own cells, (nx, ny)."""
+        return self.emitted(self.counts)
 
     @property
     def parallel(self) -> bool:

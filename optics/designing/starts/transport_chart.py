@@ -62,8 +62,7 @@ class Middle:
         half: tuple[float, float],
     ) -> Middle:
         """Return the middle: the cell next to the light's centre of mass."""
-        flux = light.emitted(height.shape)
-        rows = (light.x, flux.sum(axis=1)), (light.y, flux.sum(axis=0))
+        rows = (light.x, light.flux.sum(axis=1)), (light.y, light.flux.sum(axis=0))
         i, j = (int(np.argmin(abs(row - np.average(row, weights=w)))) for row, w in rows)
         point, along = np.array([light.x[i], light.y[j], height[i, j]]), [d[i, j] for d in light.direction]
         return cls(shaped, light, height, point, np.array(along), centre, half)

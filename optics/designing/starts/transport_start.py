@@ -178,7 +178,7 @@ class TransportStart:
         if np.array_equal(system.pose.rotation, self._system.pose.rotation):
             return lost_share(path, number, self._light, places, made_up)
         lights = [light_on(self._backend, p, number, system.source, (CELLS, CELLS)) for p in (here, path)]
-        before, now = (float(light.emitted((CELLS, CELLS)).sum()) for light in lights)
+        before, now = (float(light.flux.sum()) for light in lights)
         *at, share = stretched([*places, made_up], self._light, lights[1])
         turned = lost_share(path, number, lights[1], at, share)
         return 1 - now / before * (1 - turned)

@@ -20,7 +20,6 @@ Mathematik 146 (2020).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import zoom
@@ -50,23 +49,12 @@ PARABOLA = np.array([[k / 10 + x * (k * k - 2) / 7 for k in range(-2, 3)] for x 
 LINE = np.array([[1 / 3 + x * k / 2 for k in range(-1, 2)] for x in range(-1, 2)])
 
 
-@dataclass(frozen=True, eq=False)
-class TransportMap:
-    """Target positions of source cells, both relative to the half-widths.
-
-    x : (nx,), y : (ny,) cell centres in [-1, 1].  tx, ty : (nx, ny) in [-1, 1].
-    """
-
-    x: Floats
-    y: Floats
-    tx: Floats
-    ty: Floats
-
-
 def transport_map(
     backend: Backend, density: Density, shape: tuple[int, int], aspect: float, source: Density = np.ones
-) -> TransportMap:
-    """Return the TransportMap from a source to a density.
+) -> tuple[Floats, Floats]:
+    """Return where optimal transport from a source to a density sends the source's cells, tx and ty.
+
+    Both are (nx, ny), relative to the target's half-widths, in [-1, 1].
 
     density : called with (nx, ny), returns the density's cell means on such a grid over the
         target, index order x, y, any positive scale.
@@ -92,7 +80,7 @@ def transport_map(
     x, y = ((2 * np.arange(n) + 1) / n - 1 for n in shape)
     tx = np.clip(x[:, None] - 2 * gx / size[0], -1, 1)
     ty = np.clip(y[None, :] - 2 * gy / size[1], -1, 1)
-    return TransportMap(x, y, tx, ty)
+    return tx, ty
 
 
 class _Dual:
