@@ -32,10 +32,8 @@ FORMS = {  # of the source's image, by the kind of its profile
     "round_gaussian": "Gaussian cut off at an ellipse",
     "image": "picture",
 }
-NEAR = (
-    0.25,
-    1.0,
-)  # rel_l2 of the lenses that a bound is made for; the second where no lens attains the first
+# rel_l2 of the lenses that a bound is made for; the second where no lens attains the first
+NEAR = 0.25, 1.0
 
 
 @dataclass(frozen=True)

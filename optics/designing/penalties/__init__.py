@@ -3,7 +3,13 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from optics.designing.penalties.made_shapes import limited_metrics, limited_part
-    from optics.designing.penalties.shape_loss import ROOM, Part, ShapePenalty, shape_penalty
+    from optics.designing.penalties.shape_loss import (
+        ROOM,
+        Part,
+        ShapePenalty,
+        limited_metrics,
+        limited_part,
+        shape_penalty,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -14,16 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
 from optics.designing.penalties.bending_limits import bending_limits
 from optics.designing.penalties.height_limits import height_limits
 from optics.designing.penalties.sample_points import Excess, Pull, SurfaceSamples
-from optics.scene.problem import Limits
+from optics.scene.problem import Limits, Optic
+from optics.scene.system import volume_of_made
 from thbcad.checks import Floats
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface, Lens, Manufacturability, manufacturability
 
 WEIGHT = 100.0  # of the mean square of relative excesses
 ROOM = 1e-3  # of a limit: what lies between the points stays within it
@@ -122,6 +124,22 @@ class Part:
     limits: Limits
     density: float = 0.0
     made: tuple[int, float] = (1, 0.0)
+
+
+def limited_part(optic: Optic, shape: Lens, limits: Limits) -> Part:
+    """Return an element whose shape is to keep limits."""
+    return Part(shape, limits, optic.density, _made(optic, shape, limits))
+
+
+def limited_metrics(optic: Optic, shape: Lens, limits: Limits) -> Manufacturability:
+    """Return the metrics of an element with a shape, by which limits are told."""
+    metrics, (count, more) = manufacturability(shape, optic.density or None), _made(optic, shape, limits)
+    return replace(metrics, volume=count * metrics.volume + more)
+
+
+def _made(optic: Optic, shape: Lens, limits: Limits) -> tuple[int, float]:
+    """Return what is made of a shape, as far as `limits.mass` asks: lens, body or plate; as `Part` has it."""
+    return volume_of_made(optic, shape) if isfinite(limits.mass) else (1, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

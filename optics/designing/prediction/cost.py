@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from optics.designing.optimisation import PROBES, Stage, last_level, symmetry_axes
+from optics.designing.optimisation import Stage, last_level, symmetry_axes
 from optics.scene.system import OpticalSystem
 
 # fitted to every second picture of docs/data/untuned.json and the designs of overview.json on one machine,
@@ -32,7 +32,7 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     """Return the seconds of a design on two cores, from the start of the process to the verified result, and
     the peak memory of it and its helper processes, MB."""
     rays = _rays(system, plan)
-    work = sum((s.iterations + 1 + PROBES) * n for s, n in rays)
+    work = sum(s.evaluations * n for s, n in rays)
     kind = 1.0 if system.parallel else SEARCHED
     if len(system.freeforms) > 1:
         kind = BOTH_FREE
