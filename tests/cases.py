@@ -1,6 +1,7 @@
 """Folders of the checkout that tests read, folders that workers share, and cases that are seldom run."""
 
 import fcntl
+import importlib.util
 import os
 import subprocess
 import sys
@@ -40,6 +41,14 @@ def shared_folder(tmp_path_factory, name, make):
             make(folder)
             done.touch()
     return folder
+
+
+def module_at(path):
+    """Return the module of a Python file that is part of no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def python(program, *arguments, **options):

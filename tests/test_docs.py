@@ -168,9 +168,10 @@ def test_tables_of_the_readme_hold_marked_numbers_and_published_ones():
         assert by_hand <= set(DIGITS.findall(references)), row
 
 
-def test_the_problem_of_the_readme_is_that_of_the_pearl(tmp_path):
-    (text,) = TOML.findall((ROOT / "README.md").read_text("utf-8"))
-    assert len(text.splitlines()) == 8
+@pytest.mark.parametrize(("page", "lines"), [("README.md", 8), ("docs/first_lens.md", None)])
+def test_the_problem_of_a_first_page_is_that_of_the_pearl(page, lines, tmp_path):
+    (text,) = TOML.findall((ROOT / page).read_text("utf-8"))
+    assert lines in (len(text.splitlines()), None)
     (tmp_path / "my.toml").write_text(text.replace("pearl.png", str(EXAMPLES / "pearl.png")), "utf-8")
     assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
 

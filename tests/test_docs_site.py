@@ -10,14 +10,14 @@ import pytest
 from benchmarks.rows.stored_rows import read_rows
 from optics.interface.commands import parsers
 from optics.scene.keys import keys_of, table_of
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from scripts.docs_site import api_pages
 from scripts.docs_site.benchmark_pages import benchmark_pages
 from scripts.docs_site.command_page import with_help
 from scripts.docs_site.docstring_text import as_markdown
 from scripts.docs_site.outside_files import CODE_OR_LINK, with_links
 from scripts.docs_site.problem_page import MARK, keys_text
-from tests.cases import EXAMPLES, ROOT
+from tests.cases import ROOT
 
 DOCS = ROOT / "docs"
 REQUIRED = {"source.kind", "lens.thickness", "lens.front.half_width", "target.half_width"}
@@ -121,14 +121,6 @@ def test_links_out_of_docs_lead_to_places_of_the_site():
         "[c](../repository/examples/scripts/index.md)"
     )
     assert [found[1] for found in CODE_OR_LINK.finditer("```\n[a](b)\n```\n")] == [None]
-
-
-def test_the_problem_of_the_first_lens_is_that_of_the_pearl(tmp_path):
-    (text,) = re.findall(
-        r"^```toml\n(.*?)^```", (DOCS / "first_lens.md").read_text("utf-8"), re.DOTALL | re.MULTILINE
-    )
-    (tmp_path / "my.toml").write_text(text.replace("pearl.png", str(EXAMPLES / "pearl.png")), "utf-8")
-    assert load_problem(tmp_path / "my.toml") == load_problem(EXAMPLES / "pearl.toml")
 
 
 def test_the_navigation_names_every_page_of_docs():

@@ -1,19 +1,14 @@
 """The examples that make something of a lens run, and what they make is sound."""
 
-import importlib.util
-
 import pytest
 
 from optics.exchange.assemblies import part_checks
-from tests.cases import ROOT
+from tests.cases import EXAMPLES, module_at
 
 
 @pytest.fixture(scope="module")
 def gallery():
-    spec = importlib.util.spec_from_file_location("mount", ROOT / "examples" / "mount.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_at(EXAMPLES / "mount.py")
 
 
 @pytest.mark.slow
@@ -32,5 +27,5 @@ def test_a_mount_of_the_gallery_is_proven_where_it_stands(gallery, name, tmp_pat
 
 
 def test_the_gallery_is_whole(gallery):
-    names = sorted(path.stem for path in (ROOT / "examples" / "mounts").glob("*.toml"))
+    names = sorted(path.stem for path in (EXAMPLES / "mounts").glob("*.toml"))
     assert names == sorted(gallery.LENSES)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.cases import ROOT
+from tests.cases import ROOT, python
 from tests.source_tree import PACKAGE_FILES, calls, imported, name, nodes, packages, text
 from tests.without_posix import HIDDEN, MODULES
 
@@ -71,10 +71,6 @@ ALLOWED = {
 }
 OTHERS = {"numpy", "scipy", "OCP", "build123d", "cadquery", "ezdxf", "trimesh"}
 THBCAD_NEEDS = {"thbcad", *OTHERS, *sys.stdlib_module_names}
-
-
-def run(*arguments):
-    return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
 
 
 def test_the_kernel_imports_neither_optics_nor_other_packages():
@@ -187,11 +183,10 @@ def test_only_commands_set_signal_handlers():
 
 
 def test_import_thbcad_loads_nothing_heavy():
-    done = run(
-        "-c",
-        f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))",
+    program = (
+        f"import sys, thbcad; thbcad.__version__; dir(thbcad); print(*set({HEAVY!r}) & set(sys.modules))"
     )
-    assert done.stdout.split() == []
+    assert python(program, check=True).stdout.split() == []
 
 
 def test_the_kernel_loads_no_cad_and_no_rendering():
@@ -199,7 +194,7 @@ def test_the_kernel_loads_no_cad_and_no_rendering():
         "import sys; from thbcad import Lens, read_lens, THBSurface; print(*{m.split('.')[0] for m in "
         "sys.modules})"
     )
-    loaded = set(run("-c", program).stdout.split())
+    loaded = set(python(program, check=True).stdout.split())
     assert "numpy" in loaded
     assert not loaded & (set(HEAVY) - {"numpy", "scipy"})
 
@@ -217,7 +212,7 @@ TENSOR_PRODUCT = (
 @pytest.mark.slow
 def test_tensor_product_modules_do_not_load_the_hierarchy():
     imports = "; ".join(f"import thbcad.{module}" for module in TENSOR_PRODUCT)
-    loaded = run("-c", f"import sys; {imports}; print(*sys.modules)").stdout.split()
+    loaded = python(f"import sys; {imports}; print(*sys.modules)", check=True).stdout.split()
     assert {f"thbcad.{module}" for module in TENSOR_PRODUCT} <= set(loaded)
     hierarchy = {"thbcad.hierarchy.levels", "thbcad.hierarchy.thb_space", "thbcad.surfaces.thb_surface"}
     assert not hierarchy & set(loaded)
@@ -225,7 +220,8 @@ def test_tensor_product_modules_do_not_load_the_hierarchy():
 
 @pytest.mark.parametrize(("argument", "printed"), [("--help", "usage: thbcad"), ("new", 'title = "my lens"')])
 def test_help_and_a_new_problem_load_neither_numpy_nor_scipy(argument, printed):
-    done = run("-X", "importtime", "-m", "optics", argument)
+    command = [sys.executable, "-X", "importtime", "-m", "optics", argument]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert printed in done.stdout
     loaded = {
         line.split("|")[-1].strip().split(".")[0]
@@ -242,6 +238,6 @@ def test_what_a_helper_process_exported_is_read_without_opencascade():
         "import sys; from optics.exchange.verification import ExportedStep, light_checks, text_solid_checks; "
         "print(ExportedStep.__module__, *{m.split('.')[0] for m in sys.modules})"
     )
-    loaded = run("-c", program).stdout.split()
+    loaded = python(program, check=True).stdout.split()
     assert "numpy" in loaded
     assert not {"OCP", "matplotlib"} & set(loaded)

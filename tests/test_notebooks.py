@@ -1,13 +1,12 @@
 """The notebooks of examples/notebooks run; what is stored of them is small and has no traces of a machine."""
 
-import importlib.util
 import re
 import socket
 
 import nbformat
 import pytest
 
-from tests.cases import EXAMPLES, ROOT
+from tests.cases import EXAMPLES, ROOT, module_at
 
 NOTEBOOKS = sorted((EXAMPLES / "notebooks").glob("*.ipynb"))
 QUICK = "thb_kernel"  # it needs neither Dr.Jit nor matplotlib
@@ -18,10 +17,7 @@ PATHS = re.compile(r"(?<![\w.])/(home|root|work|tmp|usr|opt|Users|mnt)/|site-pac
 @pytest.fixture(scope="module")
 def storing():
     """The program that stores notebooks, as a module."""
-    spec = importlib.util.spec_from_file_location("store_notebooks", ROOT / "scripts" / "store_notebooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_at(ROOT / "scripts" / "store_notebooks.py")
 
 
 def outputs(notebook):

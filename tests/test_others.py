@@ -1,6 +1,5 @@
 """The cases of others: their problem files can be designed, and their pictures are what the script makes."""
 
-import importlib.util
 from math import degrees, sqrt
 
 import numpy as np
@@ -9,17 +8,10 @@ from PIL import Image
 
 from optics.scene.problem import load_problem
 from optics.scene.system import load_system
-from tests.cases import EXAMPLES
+from tests.cases import EXAMPLES, module_at
 
 OTHERS = EXAMPLES / "others"
 FILES = sorted(OTHERS.glob("*.toml"))
-
-
-def pictures():
-    spec = importlib.util.spec_from_file_location("pictures", OTHERS / "pictures.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -30,7 +22,7 @@ def test_a_case_is_a_short_problem_that_can_be_solved(path):
 
 def test_the_pictures_are_those_of_the_script():
     """The text is left out: its letters are those of the installed Pillow."""
-    script = pictures()
+    script = module_at(OTHERS / "pictures.py")
     made = {
         "pearl_padded": script.padded(),
         "astronaut": script.photograph(),
