@@ -12,10 +12,9 @@ from optics.base.runtime import UserError, load_backend
 from optics.designing.optimisation import shape_lens
 from optics.exchange.mitsuba import LensMesh, load_mitsuba
 from optics.light.engines import ExactEngine, Film
-from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, Screen
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, write_problem
+from oracles.error_measures import relative
+from tests.optics.cases import loaded, rough
 from thbcad.surfaces import THBSurface
 
 STUDY = {"target.pixels": [24, 24], "optimizer.window": "gaussian", "optimizer.rays_per_pixel": 8}
@@ -38,16 +37,12 @@ def mi(backend, monkeypatch):
 
 def models(folder, backend, changes=None):
     """Return the exact model, that of the camera, and coefficients without symmetry."""
-    system = OpticalSystem(load_problem(write_problem(folder, STUDY | (changes or {}))))
+    system = loaded(folder, STUDY | (changes or {}))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 3), (121, 121), GaussianWindow(1.0))
     engines = ExactEngine(backend), camera_engine(1)
     return *(e.model(system, lens, film) for e in engines), [sag.coefficients for sag in lens.sags]
-
-
-def error(found, wanted):
-    return np.linalg.norm(found - wanted) / np.linalg.norm(wanted)
 
 
 @pytest.mark.slow
@@ -58,10 +53,10 @@ def test_light_and_derivatives_are_exact_but_for_noise(tmp_path, backend):
     """
     exact, camera, at = models(tmp_path, backend)
     light, seen = exact.light(at), camera.light(at)
-    assert error(seen.image, light.image) < 0.05
+    assert relative(seen.image, light.image) < 0.05
     bar = light.image - light.image.mean()
     (found,), (wanted,) = seen.pull_back(bar), light.pull_back(bar)
-    assert error(found, wanted) < 0.1
+    assert relative(found, wanted) < 0.1
     direction = [np.random.default_rng(3).standard_normal(len(c)) for c in at]
     assert np.vdot(camera.push_forward(at, direction)[1], bar) == pytest.approx(
         wanted @ direction[0], abs=0.1 * np.linalg.norm(wanted) * np.linalg.norm(direction[0])
@@ -76,7 +71,7 @@ def test_light_beside_the_target_is_charged_by_its_distance(tmp_path, backend):
     assert light.lost > 0
     assert seen.lost == pytest.approx(light.lost, rel=0.1, abs=0.01 * 12.0**2)
     dark = np.zeros(camera.screen.padded)
-    assert error(seen.pull_back(dark, 1.0)[0], light.pull_back(dark, 1.0)[0]) < 0.2
+    assert relative(seen.pull_back(dark, 1.0)[0], light.pull_back(dark, 1.0)[0]) < 0.2
 
 
 @pytest.mark.slow
@@ -87,7 +82,7 @@ def test_lights_do_not_depend_on_each_other(tmp_path, backend):
     first = camera.light(at)
     other = camera.light([c + 0.1 for c in at])
     assert not np.array_equal(first.image, other.image)
-    assert error(first.pull_back(bar)[0], alone[0]) < 1e-5  # float32 sums in any order
+    assert relative(first.pull_back(bar)[0], alone[0]) < 1e-5  # float32 sums in any order
 
 
 @pytest.mark.parametrize("margin", [0, 3, 20])
@@ -101,7 +96,7 @@ def test_the_camera_sees_twice_the_target_and_its_margin(margin):
 
 
 def test_a_lens_without_reflections_is_refused(tmp_path):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, {"optimizer.fresnel": False})))
+    system = loaded(tmp_path, {"optimizer.fresnel": False})
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
         camera_engine(1).model(system, system.lens, film)
@@ -110,7 +105,7 @@ def test_a_lens_without_reflections_is_refused(tmp_path):
 @pytest.mark.slow
 def test_a_whole_design_runs_through_all_levels(tmp_path, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    system = loaded(tmp_path, changes)
     _, state = shape_lens(system, backend, camera_engine(1))
     fits = [row.fit for row in state.history]
     assert len({row.level for row in state.history}) == 3

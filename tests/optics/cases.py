@@ -15,6 +15,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import collimated_beam
 from optics.scene.system import OpticalSystem
+from tests.cases import EXAMPLES
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -155,6 +156,16 @@ def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"
     path = folder / name
     path.write_text(toml_text(values), "utf-8")
     return path
+
+
+def loaded(folder, changes=None, image=None, **options):
+    """Return the OpticalSystem of the small problem, written into a folder by `write_problem`."""
+    return OpticalSystem(load_problem(write_problem(folder, changes, image, **options)))
+
+
+def example_system(name, changes=None):
+    """Return the OpticalSystem of an example; changes : {"table.key": value}."""
+    return OpticalSystem(load_problem(EXAMPLES / f"{name}.toml", changes))
 
 
 def alone(system, wavelength):

@@ -7,10 +7,8 @@ from scipy.optimize import lsq_linear
 
 from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from tests.cases import examples
-from tests.optics.cases import HOLLOW
+from tests.optics.cases import HOLLOW, loaded
 
 SMALL_TARGET = HOLLOW | {
     "source.kind": "lambertian",
@@ -69,8 +67,8 @@ def test_light_within_the_caps_is_not_forbidden():
 
 
 @pytest.fixture
-def small(problem_file):
-    return universal_bound(OpticalSystem(load_problem(problem_file(SMALL_TARGET))))
+def small(tmp_path):
+    return universal_bound(loaded(tmp_path, SMALL_TARGET))
 
 
 def test_the_least_error_grows_with_the_efficiency_until_no_light_has_it(small):
@@ -99,19 +97,20 @@ def test_the_brightest_light_fills_the_silhouette(small):
     assert small.peak * area > small.most_on_target
 
 
-def test_a_brighter_source_forbids_less(problem_file):
+def test_a_brighter_source_forbids_less(tmp_path):
     """The same flux from a quarter of the area has four times the radiance."""
-    bright = load_problem(problem_file(SMALL_TARGET | {"source.half_width": [2.0, 2.0]}))
-    dim = load_problem(problem_file(SMALL_TARGET))
-    narrow, wide = (universal_bound(OpticalSystem(problem)) for problem in (bright, dim))
+    narrow, wide = (
+        universal_bound(loaded(tmp_path, SMALL_TARGET | {"source.half_width": [half, half]}))
+        for half in (2.0, 4.0)
+    )
     np.testing.assert_allclose(narrow.most, 4 * wide.most)
     assert narrow.least_rel_l2(0.5) < wide.least_rel_l2(0.5)
 
 
-def test_directions_have_a_bound_too(problem_file):
+def test_directions_have_a_bound_too(tmp_path):
     """The whole sphere of directions in view takes the flux; a narrow cone A Omega L."""
     far = {"target.distance": float("inf"), "target.half_width": [2.0, 2.0]}
-    found = universal_bound(OpticalSystem(load_problem(problem_file(SMALL_TARGET | far))))
+    found = universal_bound(loaded(tmp_path, SMALL_TARGET | far))
     omega = np.radians(4.0) ** 2
     # the rear's square of 16 x 16 mm is the shadow on the axis; edges of 13 mm add tan(2 degrees) of it
     assert found.most_on_target == pytest.approx(256 * omega / (64 * np.pi), rel=0.1)

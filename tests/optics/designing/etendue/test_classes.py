@@ -7,10 +7,7 @@ from optics.designing.etendue import FIXED_QUICK, one_blur, reached_sentences, u
 from optics.designing.etendue.problem_bounds import SEARCH_QUICK
 from optics.designing.etendue.throughput_bound import image_area
 from optics.light.analysis import rel_l2
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.cases import ROOT
-from tests.optics.cases import HOLLOW
+from tests.optics.cases import HOLLOW, example_system, loaded
 
 EFFICIENCY = 0.9216
 STRIPES = HOLLOW | {
@@ -29,11 +26,11 @@ def covered(first, last, n):
 
 
 @pytest.fixture
-def stripes(problem_file):
+def stripes(tmp_path):
     """The problem of two upright stripes, 2 pixels wide and apart, 26 pixels high."""
     light = np.zeros((32, 32), dtype=np.uint8)
     light[3:29, 13:15] = light[3:29, 17:19] = 255
-    return OpticalSystem(load_problem(problem_file(STRIPES, light)))
+    return loaded(tmp_path, STRIPES, light)
 
 
 @pytest.mark.slow
@@ -76,7 +73,7 @@ def sheared(step, count):
 
 def test_images_of_different_sizes_are_outside_the_class_of_one_blur():
     """They draw the crescent 6 times better than one blur in the source's proportions may."""
-    system = OpticalSystem(load_problem(ROOT / "examples" / "extended.toml"))
+    system = example_system("extended")
     screen = system.target.screen()
     light, mean = sheared(0.25, 6)
     attained = rel_l2(light, system.target.irradiance(screen, 1.0))
@@ -88,7 +85,7 @@ def test_images_of_different_sizes_are_outside_the_class_of_one_blur():
 
 @pytest.mark.slow
 def test_a_design_with_such_images_is_told_which_class_it_left():
-    system = OpticalSystem(load_problem(ROOT / "examples" / "extended.toml"))
+    system = example_system("extended")
     found = reached_sentences(system, system.lens, {"rel_l2_debiased": 0.016, "efficiency": EFFICIENCY})
     (every, _, free), (alike,) = found.background, found.limits
     bound = one_blur(system, system.lens, EFFICIENCY, FIXED_QUICK, any_form=False).bound.lower_bound

@@ -15,12 +15,12 @@ from optics.designing.etendue.silhouette import (
     pixel_etendue,
     projected_solid_angle,
 )
-from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Source, Target, load_problem
+from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Source, Target
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
-from tests.cases import ROOT, examples, slow_unless
-from tests.optics.cases import HOLLOW, hollow_lens
+from tests.cases import examples, slow_unless
+from tests.optics.cases import HOLLOW, example_system, hollow_lens, loaded
 
 GLOWING = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
 BOX = np.array([[i, j, k] for i in (-3.0, 2.0) for j in (-1.0, 4.0) for k in (-2.0, 5.0)])
@@ -157,17 +157,17 @@ def test_mirrors_and_targets_anywhere_are_bounded_too(face, freedom, tilt, aside
     "name", slow_unless("flower".__eq__, ["extended", "extended_two", "street", "flower"])
 )
 def test_bounds_of_the_examples_are_within_three_per_cent(name):
-    times = over_sampled(OpticalSystem(load_problem(ROOT / "examples" / f"{name}.toml")))
+    times = over_sampled(example_system(name))
     assert (times >= 1).all()
     assert times.max() < 1.03
 
 
 @pytest.mark.every(2)
 @pytest.mark.parametrize("pixels", [4, 256])
-def test_bounds_of_wide_pixels_are_within_one_and_a_half_times(problem_file, pixels):
+def test_bounds_of_wide_pixels_are_within_one_and_a_half_times(tmp_path, pixels):
     """Pixels of 10 mm, 20 mm away, which see the lens at very different depths."""
     near = {"target.distance": 20.0, "target.half_width": [5.0 * pixels] * 2, "target.pixels": [pixels] * 2}
-    system = OpticalSystem(load_problem(problem_file(GLOWING | near)))
+    system = loaded(tmp_path, GLOWING | near)
     times = over_sampled(system, sampled_lenses(system, 64))
     assert (times >= 1).all()
     assert times.max() < 1.5
@@ -179,10 +179,10 @@ def test_a_target_that_touches_the_envelope_may_see_all_directions(z):
     assert (_seen(Screen((2.0, 2.0), (3, 2)), BOX, z) == np.pi).all()
 
 
-def test_the_envelope_holds_lenses_of_all_shapes(problem_file):
+def test_the_envelope_holds_lenses_of_all_shapes(tmp_path):
     """Points of front, rear and the edges between their rims, at both ends of z_freedom."""
     free = {"lens.rear.freeform.z_freedom": 3.0}
-    system = OpticalSystem(load_problem(problem_file(GLOWING | free)))
+    system = loaded(tmp_path, GLOWING | free)
     inside = Delaunay(envelope(system))
     lens = hollow_lens()
     t = np.linspace(-1, 1, 23)
@@ -202,7 +202,7 @@ def test_the_envelope_holds_lenses_of_all_shapes(problem_file):
 
 
 def test_the_envelope_of_an_example_is_its_two_surfaces_with_their_freedom():
-    system = OpticalSystem(load_problem(ROOT / "examples" / "extended_two.toml"))
+    system = example_system("extended_two")
     points = envelope(system)
     # the front reaches -5 mm at its corners and is free by 1 mm, the rear 5 mm and 1.5 mm
     np.testing.assert_allclose(points.min(axis=0), [-8, -8, -6])

@@ -21,10 +21,8 @@ from optics.designing.etendue.throughput_bound import (
 )
 from optics.light.blur import patch_images
 from optics.light.tracing import Tracer
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.cases import ROOT, examples
-from tests.optics.cases import hollow_lens, target_z, tracer_to
+from tests.cases import examples
+from tests.optics.cases import example_system, hollow_lens, loaded, target_z, tracer_to
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.distance": 20.0}
 FLAT = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
@@ -59,98 +57,73 @@ def parallel_rectangles(a, b, distance):
 
 
 @pytest.mark.parametrize("half_angle", [90.0, 30.0])
-def test_etendue_of_sources(problem_file, half_angle):
-    problem = load_problem(problem_file(LAMBERTIAN | {"source.half_angle": half_angle}))
-    assert OpticalSystem(problem).source.etendue == pytest.approx(
-        pi * 0.5 * sin(radians(half_angle)) ** 2, rel=1e-14
-    )
-    round_one = load_problem(
-        problem_file(LAMBERTIAN | {"source.half_angle": half_angle, "source.profile": "round"})
-    )
-    assert OpticalSystem(round_one).source.etendue == pytest.approx(
-        pi / 4 * OpticalSystem(problem).source.etendue, rel=1e-14
-    )
+def test_etendue_of_sources(tmp_path, half_angle):
+    glowing = LAMBERTIAN | {"source.half_angle": half_angle}
+    square, disk = (loaded(tmp_path, glowing | {"source.profile": name}) for name in ("uniform", "round"))
+    etendue = square.source.etendue
+    assert etendue == pytest.approx(pi * 0.5 * sin(radians(half_angle)) ** 2, rel=1e-14)
+    assert disk.source.etendue == pytest.approx(pi / 4 * etendue, rel=1e-14)
 
 
 @pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "source.distance": 20.0}])
-def test_sources_without_extent_have_none(problem_file, changes):
-    problem = load_problem(problem_file(changes, drop=("source.half_width",) if changes else ()))
-    found = throughput(OpticalSystem(problem))
+def test_sources_without_extent_have_none(tmp_path, changes):
+    found = throughput(loaded(tmp_path, changes, drop=("source.half_width",) if changes else ()))
     assert (found.source, found.front, found.radiance) == (0, 0, float("inf"))
     assert 0 < found.meets_front <= 1
 
 
 @pytest.mark.parametrize("distance", [60.0, 1000.0])
-def test_etendue_between_aperture_and_target(problem_file, distance):
+def test_etendue_between_aperture_and_target(tmp_path, distance):
     """Against the closed form; 8 nodes of Gauss's rule are exact for polynomials of degree 15 in (10 /
     60)."""
-    problem = load_problem(
-        problem_file(
-            {
-                "target.distance": distance,
-                "target.half_width": [20.0, 35.0],
-                "lens.rear.half_width": [10.0, 7.0],
-            }
-        )
-    )
-    assert aperture_etendue(OpticalSystem(problem)) == pytest.approx(
-        parallel_rectangles((10.0, 7.0), (20.0, 35.0), distance), rel=1e-8
-    )
+    sizes = {"target.half_width": [20.0, 35.0], "lens.rear.half_width": [10.0, 7.0]}
+    found = aperture_etendue(loaded(tmp_path, sizes | {"target.distance": distance}))
+    assert found == pytest.approx(parallel_rectangles((10.0, 7.0), (20.0, 35.0), distance), rel=1e-8)
 
 
-def test_the_far_field_is_the_limit_of_distance(problem_file):
+def test_the_far_field_is_the_limit_of_distance(tmp_path):
     """The aperture's extent matters by (10 / distance)^2."""
-    far = load_problem(problem_file({"target.distance": float("inf"), "target.half_width": [30.0, 20.0]}))
-    distance = 1e5
-    near = load_problem(
-        problem_file(
-            {
-                "target.distance": distance,
-                "target.half_width": [distance * np.tan(np.radians(a)) for a in (30.0, 20.0)],
-            }
-        )
+    distance, angles = 1e5, [30.0, 20.0]
+    sides = [distance * np.tan(np.radians(a)) for a in angles]
+    far, near = (
+        aperture_etendue(loaded(tmp_path, {"target.distance": d, "target.half_width": half}))
+        for d, half in ((float("inf"), angles), (distance, sides))
     )
-    assert aperture_etendue(OpticalSystem(far)) == pytest.approx(
-        aperture_etendue(OpticalSystem(near)), rel=1e-7
-    )
+    assert far == pytest.approx(near, rel=1e-7)
 
 
-def test_pixels_see_at_most_the_area_of_the_rear(problem_file):
+def test_pixels_see_at_most_the_area_of_the_rear(tmp_path):
     """A flat aperture sees cos^4 / D^2 of what a turned one of its area could, cos^3 / D^2; the nearest
     places count."""
-    problem = load_problem(problem_file(FLAT | {"target.half_width": [40.0, 30.0]}))
-    most = (rear_area(OpticalSystem(problem).lens) / spread(OpticalSystem(problem))).sum() * OpticalSystem(
-        problem
-    ).target.screen().pixel_area
-    assert aperture_etendue(OpticalSystem(problem)) < most < 1.5 * aperture_etendue(OpticalSystem(problem))
-    axis = load_problem(problem_file(FLAT | {"target.half_width": [0.1, 0.1]}))
-    np.testing.assert_allclose(spread(OpticalSystem(axis)), 59.0**2)  # the rear may rise by z_freedom = 1 mm
-    aside = load_problem(
-        problem_file(FLAT | {"target.half_width": [4000.0, 0.1], "target.pixels": [2000, 2]})
-    )
+    system = loaded(tmp_path, FLAT | {"target.half_width": [40.0, 30.0]})
+    most = (rear_area(system.lens) / spread(system)).sum() * system.target.screen().pixel_area
+    assert aperture_etendue(system) < most < 1.5 * aperture_etendue(system)
+    axis = loaded(tmp_path, FLAT | {"target.half_width": [0.1, 0.1]})
+    np.testing.assert_allclose(spread(axis), 59.0**2)  # the rear may rise by z_freedom = 1 mm
+    aside = loaded(tmp_path, FLAT | {"target.half_width": [4000.0, 0.1], "target.pixels": [2000, 2]})
     edge = 4000.0 - 4.0 - 10.0
-    assert spread(OpticalSystem(aside))[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
+    assert spread(aside)[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
 
 
-def test_solid_angle_of_pixels_in_the_far_field(problem_file):
-    problem = load_problem(problem_file({"target.distance": float("inf"), "target.half_width": [30.0, 20.0]}))
-    total = (1 / spread(OpticalSystem(problem))).sum() * OpticalSystem(problem).target.screen().pixel_area
+def test_solid_angle_of_pixels_in_the_far_field(tmp_path):
+    system = loaded(tmp_path, {"target.distance": float("inf"), "target.half_width": [30.0, 20.0]})
+    total = (1 / spread(system)).sum() * system.target.screen().pixel_area
     a, b = np.tan(np.radians([30.0, 20.0]))
     assert total == pytest.approx(4 * atan(a * b / sqrt(1 + a * a + b * b)), rel=1e-4)  # of a pyramid
 
 
-def test_area_of_a_paraboloid(problem_file):
+def test_area_of_a_paraboloid(tmp_path):
     """z = r^2 / (2 R): over a disk 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1); over the square by quadrature of
     scipy."""
-    lens = OpticalSystem(load_problem(problem_file())).lens
+    lens = loaded(tmp_path).lens
     expected = dblquad(lambda y, x: sqrt(1 + (x * x + y * y) / 1600), -10, 10, -10, 10)[0]
     assert rear_area(lens) == pytest.approx(expected, rel=1e-7)
 
 
-def test_area_and_light_of_a_round_lens(problem_file, backend):
+def test_area_and_light_of_a_round_lens(tmp_path, backend):
     """The area of a paraboloid over its disk; light beside the front is that of a trace of the same rays."""
     near = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
-    system = OpticalSystem(load_problem(problem_file({**near, "lens.outline": "round"})))
+    system = loaded(tmp_path, {**near, "lens.outline": "round"})
     lens, r = system.lens, system.lens.rear.half_width[0] / 40
     # pixels that the circle cuts count whole or not: r / 512 of it, at random
     assert rear_area(lens) == pytest.approx(2 * pi * 40**2 / 3 * ((1 + r * r) ** 1.5 - 1), rel=1e-6)
@@ -161,22 +134,20 @@ def test_area_and_light_of_a_round_lens(problem_file, backend):
     assert front_fraction(system) == pytest.approx(1 - beside / rays.total, abs=1e-12)
 
 
-def test_share_that_meets_a_plane_front(problem_file):
+def test_share_that_meets_a_plane_front(tmp_path):
     """A small source on the axis: the closed projected solid angle of a square over pi.
 
     Independent random rays, 2^15 with three mirror images each, would err by sqrt(0.24 0.76 / 2^15) = 2.4e-3;
     Sobol points err less.
     """
-    problem = load_problem(problem_file(LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
+    found = front_fraction(loaded(tmp_path, LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
     ratio = 10 / 20
     wide = sqrt(1 + ratio**2)
-    assert front_fraction(OpticalSystem(problem)) == pytest.approx(
-        4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3
-    )
+    assert found == pytest.approx(4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3)
 
 
 @pytest.mark.parametrize("distance", [0.5, 2.0, 8.0])
-def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
+def test_share_that_meets_a_hollow_front(backend, tmp_path, distance):
     """Ray by ray as the tracer decides."""
     front = {
         "lens.front.radius": -5.0,
@@ -184,55 +155,49 @@ def test_share_that_meets_a_hollow_front(backend, problem_file, distance):
         "lens.front.half_width": [5.0, 5.0],
         "lens.rear.half_width": [8.0, 8.0],
     }
-    problem = load_problem(
-        problem_file(LAMBERTIAN | front | {"source.distance": distance, "lens.rear.radius": -10.0})
-    )
-    lens = OpticalSystem(problem).lens
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays(RAYS), target_z(problem))
+    changes = front | {"source.distance": distance, "lens.rear.radius": -10.0}
+    system = loaded(tmp_path, LAMBERTIAN | changes)
+    lens, problem = system.lens, system.problem
+    tracer = tracer_to(backend, lens, system.source.rays(RAYS), target_z(problem))
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     beside = tracer.fates(landing, problem.target.half_width).beside_lens
-    assert front_fraction(OpticalSystem(problem)) == pytest.approx(1 - beside, abs=1e-12)
+    assert front_fraction(system) == pytest.approx(1 - beside, abs=1e-12)
 
 
-def test_a_picture_is_as_bright_as_its_brightest_place(problem_file):
-    problem = load_problem(
-        problem_file(LAMBERTIAN | {"source.profile": "gaussian", "source.sigma": [0.3, 0.3]})
-    )
+def test_a_picture_is_as_bright_as_its_brightest_place(tmp_path):
+    system = loaded(tmp_path, LAMBERTIAN | {"source.profile": "gaussian", "source.sigma": [0.3, 0.3]})
     s = (np.arange(1000) + 0.5) / 500 - 1
-    assert brightest(OpticalSystem(problem).source.profile) == pytest.approx(
-        1 / np.exp(-0.5 * (s / 0.3) ** 2).mean() ** 2, rel=1e-5
-    )
-    assert half_width(problem, 1.0)[0] < half_width(load_problem(problem_file(LAMBERTIAN)), 1.0)[0]
+    expected = 1 / np.exp(-0.5 * (s / 0.3) ** 2).mean() ** 2
+    assert brightest(system.source.profile) == pytest.approx(expected, rel=1e-5)
+    assert half_width(system, 1.0)[0] < half_width(loaded(tmp_path, LAMBERTIAN), 1.0)[0]
 
 
-def half_width(problem, share, rel_l2=float("inf")):
-    system = OpticalSystem(problem)
+def half_width(system, share, rel_l2=float("inf")):
     return image_half_width(system, system.lens, share, rel_l2)
 
 
-def test_size_of_images(problem_file):
+def test_size_of_images(tmp_path):
     """w^2 = D^2 U / S with U = pi / 2, S = 400 and D from the highest place of the rear (z_freedom = 1):
     proportions 2 to 1."""
-    wide, high = half_width(load_problem(problem_file(LAMBERTIAN | FLAT)), 0.5)
+    wide, high = half_width(loaded(tmp_path, LAMBERTIAN | FLAT), 0.5)
     assert wide == pytest.approx(2 * high)
     assert 4 * wide * high == pytest.approx(59.0**2 * 0.5 * pi / 2 / 400)
-    far = load_problem(problem_file(LAMBERTIAN | FLAT | {"target.distance": float("inf")}))
+    far = loaded(tmp_path, LAMBERTIAN | FLAT | {"target.distance": float("inf")})
     # the middle pixels of the far field are half a pixel off the axis: 1e-4
     assert half_width(far, 0.5)[0] == pytest.approx(degrees(wide / 59.0), rel=1e-3)
 
 
-def test_light_aside_comes_in_larger_images(problem_file):
+def test_light_aside_comes_in_larger_images(tmp_path):
     """The spread of the one bright pixel; the nearer the light to the target, the surer."""
     light = np.zeros((48, 48), dtype=np.uint8)
     light[20, 47] = 255
-    problem = load_problem(
-        problem_file(LAMBERTIAN | FLAT | {"target.half_width": [90.0, 90.0], "target.fit": "stretch"}, light)
-    )
-    sure, likely, any_light = (half_width(problem, 0.5, error)[0] for error in (0.0, 0.5, float("inf")))
+    wide = {"target.half_width": [90.0, 90.0], "target.fit": "stretch"}
+    system = loaded(tmp_path, LAMBERTIAN | FLAT | wide, light)
+    sure, likely, any_light = (half_width(system, 0.5, error)[0] for error in (0.0, 0.5, float("inf")))
     assert any_light < likely < sure
     # the search for the multiplier starts at rel_l2 = 1e-3
-    assert 2 * sure**2 == pytest.approx(spread(OpticalSystem(problem))[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
+    assert 2 * sure**2 == pytest.approx(spread(system)[20, 47] * 0.5 * pi / 2 / 400, rel=1e-2)
 
 
 @examples(60)
@@ -280,8 +245,8 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
 
     In the hollow lens rays leave the rear within 35 degrees of its normal: at most 20 % more.
     """
-    problem, lens = load_problem(ROOT / "examples" / "extended.toml"), hollow_lens()
-    images = patch_images(OpticalSystem(problem), lens, backend)
+    system, lens = example_system("extended"), hollow_lens()
+    images = patch_images(system, lens, backend)
     patches = len(images.flux)
     at = (2 * np.arange(patches) + 1) / patches - 1
     middle = np.ix_(*[np.abs(at) < 0.5] * 2)
@@ -289,7 +254,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     areas = (np.prod(images.width, axis=0) * np.sqrt(1 + zx * zx + zy * zy))[middle].sum() * (
         16 / patches
     ) ** 2
-    rays = OpticalSystem(problem).source.rays((512, 512))
+    problem, rays = system.problem, system.source.rays((512, 512))
     tracer = tracer_to(backend, lens, rays, target_z(problem))
     coefficients = [sag.coefficients for sag in lens.sags]
     with backend.dr.suspend_grad():
@@ -300,7 +265,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
         )
     through = (flux > 0) & (np.abs(x) < 4) & (np.abs(y) < 4)
     distances = (problem.target.distance - z) ** 2 / (1 - p * p - q * q) ** 1.5
-    radiance = problem.source.flux / OpticalSystem(problem).source.etendue
+    radiance = problem.source.flux / system.source.etendue
     least = (rays.flux[through] * distances[through]).sum() / radiance
     assert least < areas < 1.2 * least
     assert 0 < images.smallest(0.05) <= images.smallest(0.5) < np.nanmax(np.prod(images.width, axis=0))

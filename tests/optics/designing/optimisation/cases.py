@@ -3,16 +3,15 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES
 from optics.light.engines import ExactEngine, TracedModel
-from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow, Screen
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, tracer_to, write_problem
+from tests.optics.cases import TARGET_Z, hollow_lens, loaded, picture, rough, small_lens, tracer_to
 from thbcad.sags import Conic
 
 FLAT = {"optimizer.start": "flat"}
@@ -21,15 +20,14 @@ SPHEROID = Conic(45.0, 0.4)  # every second derivative differs from zero
 SCREEN = Screen((20.0, 20.0), (48, 48), 8)
 
 
-def loaded(folder, changes=None, **options):
-    """Return the OpticalSystem of the small problem with changes."""
-    return OpticalSystem(load_problem(write_problem(folder, changes, **options)))
-
-
 def run(folder, backend, changes):
-    """Return the small problem designed: problem, light, lens, state, the plan, the progress calls, the
-    checkpoints and the notes."""
-    system = loaded(folder, changes)
+    """Return the small problem designed."""
+    return designed(loaded(folder, changes), backend)
+
+
+def designed(system, backend):
+    """Return a system with its design: lens, state, the plan, the progress calls, the checkpoints and the
+    notes."""
     calls, checkpoints, plans, notes = [], [], [], []
 
     def progress(plan, stage, dof, row):
@@ -67,12 +65,44 @@ def make_tracer(backend, front, space, rays=85, source=(9.5, 9.5)):
     return tracer_to(backend, small_lens(front, SPHEROID, space=space), beam, TARGET_Z)
 
 
+def objective_of(backend, tracer, screen=SCREEN, window=CUBIC, lost_flux_weight=100.0):
+    """Return the Objective of traced light before an irradiance without symmetry."""
+    model = TracedModel(backend, tracer, screen, window)
+    return Objective(model, asked_for(screen), lost_flux_weight)
+
+
 def make_objective(backend, front, space, window=CUBIC, **options):
-    return Objective(
-        TracedModel(backend, make_tracer(backend, front, space, **options), SCREEN, window),
-        asked_for(),
-        100.0,
-    )
+    return objective_of(backend, make_tracer(backend, front, space, **options), window=window)
+
+
+def of_vector(objective, *spaces):
+    """Return the objective as a function of one vector: the coefficients of all sags, one after the other."""
+    ends = np.cumsum([space.dim for space in spaces])
+
+    def evaluate(vector):
+        found = objective(np.split(vector, ends[:-1]))
+        return found.loss, np.concatenate(found.gradients)
+
+    return evaluate
+
+
+def slope_at_0(function, h):
+    """Return the derivative by five points, which err by h^4 / 30 of the fifth one."""
+    return (8 * (function(h) - function(-h)) - (function(2 * h) - function(-2 * h))) / (12 * h)
+
+
+def check_adjoint(variables, size, most):
+    """Central differences of g . c(w) with h = 1e-4, at weights of a size."""
+    rng = np.random.default_rng(2)
+    at, direction = (rng.standard_normal(len(variables.zeros())) for _ in range(2))
+    at *= size
+    made, slopes = variables.coefficients(at)
+    g = [rng.standard_normal(len(c)) for c in made]
+    gradient = variables.gradient(g, slopes)
+    ahead, behind = (np.concatenate(variables.coefficients(at + s * direction)[0]) for s in (1e-4, -1e-4))
+    difference = np.concatenate(g) @ (ahead - behind) / 2e-4
+    scale = np.linalg.norm(gradient) * np.linalg.norm(direction)
+    assert gradient @ direction == pytest.approx(difference, abs=most * scale)
 
 
 def rough_by(height, seed=5):

@@ -10,7 +10,6 @@ import os
 
 import numpy as np
 
-from optics.light.engines import TracedModel
 from tests.optics.cases import tracer_to
 
 PAGE = mmap.PAGESIZE
@@ -102,15 +101,14 @@ def main():
     """Take loss, gradient, image and vertex gradients of a plane and of a curved front, and of two free
     surfaces before a glowing area."""
     from optics.base.runtime import load_backend
-    from optics.designing.optimisation import Objective
     from tests.optics.cases import PLANE, coefficients, small_space
     from tests.optics.designing.optimisation.cases import (
         ANGLES,
         BOTH,
         CUBIC,
         GLOWING,
-        asked_for,
         make_objective,
+        objective_of,
     )
     from thbcad.sags import Conic
     from thbcad.splines import KnotVector
@@ -124,11 +122,7 @@ def main():
         (make_objective(backend, front, space, CUBIC, rays=21), [np.zeros(space.dim)], [vertices])
         for front in (PLANE, Conic(60.0))
     ]
-    far = Objective(
-        TracedModel(backend, tracer_to(backend, BOTH, GLOWING, np.inf), ANGLES, CUBIC),
-        asked_for(ANGLES),
-        100.0,
-    )
+    far = objective_of(backend, tracer_to(backend, BOTH, GLOWING, np.inf), ANGLES)
     for objective, at, knots in [*cases, (far, coefficients(BOTH), hollow)]:
         found = objective(at)
         assert np.isfinite(found.loss)
@@ -137,7 +131,3 @@ def main():
         objective.image(at)
     print("guarded", len(sizes), flush=True)
     os._exit(0)  # without taking down arrays whose allocator goes first
-
-
-if __name__ == "__main__":
-    main()

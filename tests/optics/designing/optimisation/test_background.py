@@ -14,9 +14,7 @@ from optics.designing.optimisation.level_objective import (
 )
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import DOME, write_problem
+from tests.optics.cases import DOME, loaded
 
 FINISHED = DOME | {  # 4 % of the light comes by other ways
     "target.lit": [0.7, 0.7],
@@ -30,7 +28,7 @@ FINISHED = DOME | {  # 4 % of the light comes by other ways
 
 
 def system_of(folder, changes=None):
-    return OpticalSystem(load_problem(write_problem(folder, FINISHED | (changes or {}))))
+    return loaded(folder, FINISHED | (changes or {}))
 
 
 def test_the_objective_counts_the_background_as_light(tmp_path, backend):

@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import limit_keeper, loop, stage_search
-from optics.designing.optimisation.loop import Listener, nearest_shapes, shape_lens
+from optics.designing.optimisation.loop import nearest_shapes, shape_lens
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.interface.commands import main
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import write_problem
+from optics.scene.system import load_system, solvable_system
+from tests.optics.cases import loaded, write_problem
+from tests.optics.designing.optimisation.cases import FLAT, designed
 from thbcad.surfaces import THBSurface
+
+SHORT = FLAT | {
+    "optimizer.iterations": [2],
+    "lens.rear.freeform.max_level": 0,
+    "target.pixels": [24, 24],
+}
 
 
 def constant(lens, height):
@@ -23,7 +29,7 @@ def constant(lens, height):
 
 
 def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
-    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    system = loaded(tmp_path)
     wanted = constant(system.lens, -5.9)
     _, found, wrong = nearest_shapes(system, system.lens, wanted)
     assert wrong == ""
@@ -33,7 +39,7 @@ def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
 @pytest.mark.parametrize(("height", "share"), [(-7.0, 0.5), (-13.0, 0.25), (-6.0, 0.5), (-1000.0, 1 / 256)])
 def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(tmp_path, height, share):
     """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    system = loaded(tmp_path)
     _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, height))
     np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
     assert "cross" in wrong or "touch" in wrong
@@ -41,7 +47,7 @@ def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(
 
 
 def test_a_change_far_beyond_reason_is_dropped(tmp_path):
-    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    system = loaded(tmp_path)
     _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, -1e9))
     assert found is system.lens
     assert wrong.endswith("none of the level's changes are kept")
@@ -62,37 +68,22 @@ def crossing(system, monkeypatch):
 
 
 def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
-    changes = {
-        "optimizer.start": "flat",
-        "optimizer.iterations": [2],
-        "lens.rear.freeform.max_level": 1,
-        "target.pixels": [24, 24],
-    }
-    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
+    system = solvable_system(loaded(tmp_path, SHORT | {"lens.rear.freeform.max_level": 1}).problem)
     crossing(system, monkeypatch)
-    notes = []
-    lens, state = shape_lens(system, backend, ExactEngine(backend), listener=Listener(note=notes.append))
-    assert lens.least_thickness().lower > 0
-    assert state.stage == 2
-    assert len(notes) == 2
-    assert notes[0].startswith("level 0: the optimised lens cannot exist (the surfaces cross: ")
-    assert notes[0].endswith("of the level's changes 0.5 are kept")
-    thickness = float(re.search(r": --set lens\.thickness=(\S+)$", notes[1])[1])
+    made = designed(system, backend)
+    assert made.lens.least_thickness().lower > 0
+    assert made.state.stage == 2
+    (taken_back, remedy) = made.notes
+    assert taken_back.startswith("level 0: the optimised lens cannot exist (the surfaces cross: ")
+    assert taken_back.endswith("of the level's changes 0.5 are kept")
+    thickness = float(re.search(r": --set lens\.thickness=(\S+)$", remedy)[1])
     assert constant(system.lens, -7.0)[0].coefficients.min() + thickness > 0  # above the plane front
 
 
 @pytest.mark.slow
 def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypatch):
-    changes = {
-        "optimizer.start": "flat",
-        "optimizer.iterations": [2],
-        "lens.rear.freeform.max_level": 0,
-        "lens.rear.freeform.z_freedom": 7.0,
-        "target.pixels": [24, 24],
-        "verify.rel_l2": 1.0,
-    }
-    path = write_problem(tmp_path, changes)
-    crossing(OpticalSystem(load_problem(path)), monkeypatch)
+    path = write_problem(tmp_path, SHORT | {"lens.rear.freeform.z_freedom": 7.0, "verify.rel_l2": 1.0})
+    crossing(load_system(path), monkeypatch)
     assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "FAILED" not in capsys.readouterr().out
     assert main(["verify", str(tmp_path / "out"), "--no-optiland"]) == 0
@@ -100,13 +91,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
 
 
 def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, backend, monkeypatch):
-    changes = {
-        "optimizer.start": "flat",
-        "optimizer.iterations": [2],
-        "lens.rear.freeform.max_level": 0,
-        "target.pixels": [24, 24],
-    }
-    system = solvable_system(load_problem(write_problem(tmp_path, changes)))
+    system = solvable_system(loaded(tmp_path, SHORT).problem)
 
     def stopped(search, iterations, log):
         log.add(search.objective([sag.coefficients for sag in search.sags]), search.sags[0].space.dim)

@@ -5,16 +5,13 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.state import earlier_state
-from tests.optics.cases import HOLLOW
-from tests.optics.designing.optimisation.cases import loaded, rows_of, run
+from tests.optics.cases import HOLLOW, loaded
+from tests.optics.designing.optimisation.cases import rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
 POINT = {"source.kind": "point", "source.half_angle": 45.0, "source.exponent": 1.0}
-FREE_FRONT = {
-    "lens.front.freeform.spans": [3, 5],
-    "lens.front.freeform.max_level": 1,
-    "lens.front.freeform.z_freedom": 0.4,
-}
+FREE = {"spans": [3, 5], "max_level": 1, "z_freedom": 0.4}
+FREE_FRONT = {"lens.front.freeform": FREE}
 FAR = {"target.distance": np.inf, "target.half_width": [25.0, 25.0]}
 KINDS = {
     "lambertian": LAMBERTIAN,
@@ -84,11 +81,7 @@ GLOWING = HOLLOW | {
 @pytest.mark.slow
 def test_two_surfaces_do_better_than_one(tmp_path, backend):
     """The lens of Table 6.3: the dome around the source directs light that the rear alone cannot."""
-    free = {
-        "lens.front.freeform.spans": [2, 2],
-        "lens.front.freeform.max_level": 1,
-        "lens.front.freeform.z_freedom": 0.5,
-    }
+    free = {"lens.front.freeform": {"spans": [2, 2], "max_level": 1, "z_freedom": 0.5}}
     one, both = (run(tmp_path, backend, GLOWING | more).state.history for more in ({}, free))
     assert min(row.loss for row in rows_of(both, 1)) < 0.7 * min(row.loss for row in rows_of(one, 1))
 
@@ -116,6 +109,6 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
         UserError, match=r"the front surface of the earlier design differs .* make lens\.front equal"
     ):
         earlier_state(alone.system, twofold.lens)
-    other = loaded(tmp_path, FREE_FRONT | {"lens.front.freeform.spans": [3, 4]})
+    other = loaded(tmp_path, {"lens.front.freeform": FREE | {"spans": [3, 4]}})
     with pytest.raises(UserError, match=r"the front surface of the earlier design differs"):
         earlier_state(other, twofold.lens)

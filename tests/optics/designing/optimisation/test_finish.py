@@ -3,8 +3,8 @@
 import pytest
 
 from optics.designing.optimisation import earlier_state, stages, transmitted_flux
-from tests.optics.cases import target_z, tracer_to
-from tests.optics.designing.optimisation.cases import loaded, run
+from tests.optics.cases import loaded, target_z, tracer_to
+from tests.optics.designing.optimisation.cases import run
 
 GLOWING = {
     "source.kind": "lambertian",

@@ -6,8 +6,7 @@ from optics.designing.optimisation.loop import Listener, shape_lens, transmitted
 from optics.designing.optimisation.state import State, first_sags
 from optics.designing.starts import TransportStart
 from optics.light.engines import ExactEngine
-from tests.optics.cases import WIDE
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import WIDE, loaded
 
 FLAT_REAR = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "lens.rear.freeform.z_freedom": 20.0}
 FAR = WIDE | FLAT_REAR | {"target.half_width": [35.0, 35.0]}

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import Bounds, minimize
 
-from optics.designing.optimisation.objective import Objective
-from optics.light.engines import TracedModel
 from optics.scene.receivers import BSplineWindow, GaussianWindow, Screen, filter_image
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts, point_rays
 from oracles.light_formulas import brute_irradiance
@@ -15,7 +13,6 @@ from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens,
 from tests.optics.designing.optimisation.cases import (
     ANGLES,
     BOTH,
-    CUBIC,
     GLOWING,
     REAR,
     SCREEN,
@@ -24,22 +21,13 @@ from tests.optics.designing.optimisation.cases import (
     asked_for,
     make_objective,
     make_tracer,
+    objective_of,
+    of_vector,
 )
 from thbcad.hierarchy import THBSpace
 from thbcad.sags import Conic
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
-
-
-def of_vector(objective, *spaces):
-    """Return the objective as a function of one vector: the coefficients of all sags, one after the other."""
-    ends = np.cumsum([space.dim for space in spaces])
-
-    def evaluate(vector):
-        found = objective(np.split(vector, ends[:-1]))
-        return found.loss, np.concatenate(found.gradients)
-
-    return evaluate
 
 
 def optimised(function, dim, iterations=15):
@@ -124,9 +112,7 @@ def test_gradient_of_every_source_surface_and_target(backend, lens, rays, target
     hits, landing = tracer.trace(coefficients(lens))
     assert all(h.hit.numpy().all() for h in hits)
     assert (landing.flux.numpy() > 0).all()
-    objective = of_vector(
-        Objective(TracedModel(backend, tracer, screen, CUBIC), asked_for(screen), 100.0), *spaces
-    )
+    objective = of_vector(objective_of(backend, tracer, screen), *spaces)
     at = np.concatenate(coefficients(lens))
     _, gradient = objective(at)
     assert worst(objective, at, gradient, 1e-5) < 1e-6
@@ -146,10 +132,8 @@ def test_gradient_where_a_glowing_area_lights_rims_and_beside_the_target(backend
     hits, _ = tracer.trace(coefficients(lens))
     assert not hits[-1].hit.numpy().all()
     screen = ANGLES if np.isinf(target_z) else WIDE
-    objective = of_vector(
-        Objective(TracedModel(backend, tracer, screen, CUBIC), asked_for(screen), 1.0),
-        *(sag.space for sag in lens.sags),
-    )
+    objective = objective_of(backend, tracer, screen, lost_flux_weight=1.0)
+    objective = of_vector(objective, *(sag.space for sag in lens.sags))
     at = np.concatenate(coefficients(lens))
     _, gradient = objective(at)
     assert worst(objective, at, gradient, 1e-8) < 1e-4
@@ -159,7 +143,7 @@ def test_vertex_gradients_of_both_surfaces(backend):
     """One number per vertex and surface, front first; with signs, hats and the sag's own functions sum to the
     same lift of a surface."""
     tracer = tracer_to(backend, BOTH, GLOWING, 1005.0)
-    objective = Objective(TracedModel(backend, tracer, WIDE, CUBIC), asked_for(WIDE), 100.0)
+    objective = objective_of(backend, tracer, WIDE)
     knots = [
         tuple(KnotVector.uniform(1, n, -h, h) for n in counts) for counts, h in (((6, 7), 5.0), ((4, 9), 8.0))
     ]
@@ -189,7 +173,7 @@ def test_the_loss_is_the_formula(backend):
     space, window, screen = small_space(), BSplineWindow(3), Screen((14.0, 13.0), (40, 30), 12)
     tracer = make_tracer(backend, Conic(200.0), space, rays=33)
     at = rough(space, 0.02)
-    objective = Objective(TracedModel(backend, tracer, screen, window), asked_for(screen), 7.0)
+    objective = objective_of(backend, tracer, screen, window, 7.0)
     found = objective([at])
     _, landing = tracer.trace([at])
     x, y, flux = landing.x.numpy(), landing.y.numpy(), landing.flux.numpy()
@@ -210,11 +194,10 @@ def test_the_loss_does_not_jump_where_a_ray_leaves_the_margin(backend):
     space = THBSpace(*[KnotVector.uniform(3, 1, -10.0, 10.0)] * 2)
     beam = collimated_beam((0.5, 0.5), 1.0, (10.0, 10.0), (2, 1))
     tracer = tracer_to(backend, small_lens(rear=PLANE, space=space), beam, TARGET_Z)
-    objective = Objective(TracedModel(backend, tracer, SCREEN, BSplineWindow(3)), asked_for(), 0.0)
+    objective = objective_of(backend, tracer, lost_flux_weight=0.0)
     tilt = np.repeat(space.kv_u.greville()[:, None], space.kv_v.dim, axis=1).ravel()
-    losses = np.array(
-        [objective([a * tilt]).loss for a in np.linspace(0.62, 0.72, 801)]
-    )  # both rays move from 22 to 29 mm
+    # both rays move from 22 to 29 mm
+    losses = np.array([objective([a * tilt]).loss for a in np.linspace(0.62, 0.72, 801)])
     assert losses[-1] == pytest.approx(1.0, abs=1e-12)  # no light is left on the screen
     # the loss varies over pixels, of which 7 mm hold 8, and the margin ends at 26.7 mm: 100 steps per pixel
     greatest = np.abs(np.diff(losses)).max()
@@ -271,9 +254,7 @@ def test_vertex_gradients_are_the_change_of_the_loss_by_one_bilinear_hat(backend
     creased = lens.rear.with_sag(THBSurface(bilinear, np.zeros(bilinear.dim)))
     shaped = SimpleNamespace(front=lens.front, rear=creased, thickness=lens.thickness, index=lens.index)
     tracer = tracer_to(backend, shaped, collimated_beam((9.5, 9.5), 1.0, (10.0, 10.0), (41, 41)), TARGET_Z)
-    objective = of_vector(
-        Objective(TracedModel(backend, tracer, SCREEN, CUBIC), asked_for(), 100.0), bilinear
-    )
+    objective = of_vector(objective_of(backend, tracer), bilinear)
     rng = np.random.default_rng(2)
     chosen = rng.choice(bilinear.dim, 12, replace=False)
     differences = [

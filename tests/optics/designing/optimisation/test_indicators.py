@@ -9,10 +9,10 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import LEAST, promised_decrease, refined_once
-from optics.designing.optimisation.loop import Listener, shape_lens
+from optics.designing.optimisation.loop import shape_lens
 from optics.light.engines import ExactEngine
-from tests.optics.cases import small_space
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import loaded, small_space
+from tests.optics.designing.optimisation.cases import designed
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 
@@ -124,9 +124,8 @@ def test_the_promise_of_mirror_images_is_the_mirror_image(degree, axis):
     """Whatever lies on the line between two cells may favour neither."""
     space = space_of((degree, degree), (4, 4), (8.0, 8.0), fine=False)
     finer = refined_once(space, 1)
-    net = np.random.default_rng(4).uniform(
-        0, 1, (8 + degree, 8 + degree)
-    )  # level 1 is uniform: its functions are a grid
+    # level 1 is uniform: its functions are a grid
+    net = np.random.default_rng(4).uniform(0, 1, (8 + degree, 8 + degree))
     ones = [np.ones(finer.dim)]
     one, other = (
         promised_decrease(space, finer, g.ravel(), ones).reshape(4, 4) for g in (net, np.flip(net, axis))
@@ -151,30 +150,23 @@ PLATE = {  # every ray lands where it left the lens, so that the spot has its pl
     "target.encoding": "linear",
     "optimizer.iterations": [4],
 }
-FREE_FRONT = {
-    "lens.front.freeform.spans": [4, 4],
-    "lens.front.freeform.max_level": 1,
-    "lens.front.freeform.z_freedom": 0.4,
-}
+FREE = {"spans": [4, 4], "max_level": 1, "z_freedom": 0.4}
+FREE_FRONT = {"lens.front.freeform": FREE}
+ROOMY = {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0}
 LEFT, RIGHT = (-0.45, 0.55), (0.55, -0.45)
 
 
 def refined(folder, backend, start, indicator, place, more):
     """Return the first meshes that marking made, front first, and the finest cells' boxes in each."""
-    levels = {
-        "lens.rear.freeform.max_level": 2 if start == "transport" else 1
-    }  # transport starts on level 1 here
-    alpha = 1.25 if indicator == "slope" else 1.0  # slopes differ a little everywhere
-    changes = (
-        PLATE
-        | levels
-        | {"optimizer.start": start, "refinement.indicator": indicator, "refinement.alpha": [alpha]}
-        | more
-    )
-    system = loaded(folder, changes, image=blob(*place))
-    states = []
-    shape_lens(system, backend, ExactEngine(backend), listener=Listener(checkpoint=states.append))
-    return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in states[0].sags]
+    changes = {
+        "optimizer.start": start,
+        "lens.rear.freeform.max_level": 2 if start == "transport" else 1,  # transport starts on level 1 here
+        "refinement.indicator": indicator,
+        "refinement.alpha": [1.25 if indicator == "slope" else 1.0],  # slopes differ a little everywhere
+    }
+    system = loaded(folder, PLATE | changes | more, image=blob(*place))
+    first = designed(system, backend).checkpoints[0]
+    return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in first.sags]
 
 
 RULES = [
@@ -186,15 +178,8 @@ RULES = [
     ("transport", "decrease", {}),
     ("transport", "slope", {}),
 ]
-OFTEN = (
-    LEFT,
-    RIGHT,
-    RIGHT,
-    LEFT,
-    LEFT,
-    RIGHT,
-    LEFT,
-)  # a rule that knows one corner alone fails at half of them
+# a rule that knows one corner alone fails at half of them
+OFTEN = LEFT, RIGHT, RIGHT, LEFT, LEFT, RIGHT, LEFT
 
 
 @pytest.mark.every(3)
@@ -216,13 +201,8 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
         area = (x1 - x0) * (y1 - y0)
         assert 0 < area.sum() < 400 / 3
         spot = 9.5 * np.array(place)
-        for there, place_ in ((True, spot), (False, -spot)):
-            near = (
-                (x0 - 2.5 <= place_[0])
-                & (place_[0] <= x1 + 2.5)
-                & (y0 - 2.5 <= place_[1])
-                & (place_[1] <= y1 + 2.5)
-            )
+        for there, (x, y) in ((True, spot), (False, -spot)):
+            near = (x0 - 2.5 <= x) & (x <= x1 + 2.5) & (y0 - 2.5 <= y) & (y <= y1 + 2.5)
             assert near.any() == there
         centre = [(area * (a + b) / 2).sum() / area.sum() for a, b in ((x0, x1), (y0, y1))]
         assert np.hypot(*(centre - spot)) < 5
@@ -234,10 +214,8 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
     [
         {"optimizer.start": "flat"},
         {"optimizer.start": "flat"} | FREE_FRONT,
-        {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0} | FREE_FRONT,
-        {"lens.rear.freeform.z_freedom": 4.0, "lens.thickness": 10.0}
-        | FREE_FRONT
-        | {"lens.front.freeform.spans": [3, 5]},
+        ROOMY | FREE_FRONT,
+        ROOMY | {"lens.front.freeform": FREE | {"spans": [3, 5]}},
         {"lens.front.radius": 60.0, "lens.rear.freeform.z_freedom": 0.02},
     ],
     ids=["flat", "flat, free front", "free front", "free front of other spans", "map beyond the bounds"],

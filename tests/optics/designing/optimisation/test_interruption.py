@@ -1,7 +1,5 @@
 """The design loop repeated, interrupted and taken up again."""
 
-import subprocess
-import sys
 from functools import cache
 
 import numpy as np
@@ -11,9 +9,9 @@ from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
-from tests.cases import ROOT
-from tests.optics.cases import write_problem
-from tests.optics.designing.optimisation.cases import FLAT, check_counts, loaded, rows_of
+from tests.cases import python
+from tests.optics.cases import loaded, write_problem
+from tests.optics.designing.optimisation.cases import FLAT, check_counts, rows_of, run
 
 ON_ONE_THREAD = """
 import sys
@@ -38,8 +36,8 @@ def hashes(folder, start, number):
     Processes of their own also show that nothing depends on what ran before, or on where memory lies.
     """
     changes = {"optimizer.start": start, "target.pixels": [32, 32]}
-    program = [sys.executable, "-c", ON_ONE_THREAD, str(write_problem(folder, changes, name=f"{start}.toml"))]
-    return subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    path = write_problem(folder, changes, name=f"{start}.toml")
+    return python(ON_ONE_THREAD, path, check=True).stdout.split()
 
 
 @pytest.fixture(scope="module")
@@ -147,9 +145,8 @@ def check_going_on(done, backend, state):
     lens, final = shape_lens(done.system, backend, ExactEngine(backend), state)
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
-    assert final.history[len(before)].loss == pytest.approx(
-        best, rel=1e-11
-    )  # it goes on from the best surface so far
+    # it goes on from the best surface so far
+    assert final.history[len(before)].loss == pytest.approx(best, rel=1e-11)
     assert final.stage == done.state.stage
     assert lens.rear.sag.space.levels == 3
     assert final.history[-1].seconds >= before[-1].seconds
@@ -160,27 +157,22 @@ def check_going_on(done, backend, state):
 
 def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, backend):
     """Ctrl-C while the result is measured or drawn: the checkpoint says that every level is done."""
-    last = either.checkpoints[-1]
-    evaluations = len(last.history)
-    lens, state = shape_lens(either.system, backend, ExactEngine(backend), last)
+    check_that_all_is_done(either, backend)
+
+
+def check_that_all_is_done(made, backend):
+    """The last checkpoint holds the designed surface, from which nothing is optimised any more."""
+    lens, state = shape_lens(made.system, backend, ExactEngine(backend), made.checkpoints[-1])
     x = np.linspace(-10, 10, 31)
-    np.testing.assert_allclose(lens.rear.grid(x, x), either.lens.rear.grid(x, x), rtol=0, atol=1e-12)
-    assert len(state.history) == evaluations
+    np.testing.assert_allclose(lens.rear.grid(x, x), made.lens.rear.grid(x, x), rtol=0, atol=1e-12)
+    assert len(state.history) == len(made.state.history)
 
 
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_levels_without_marked_cells_are_optimised_and_resumed_alike(tmp_path, backend, start):
     """A threshold that nothing passes: the mesh stays, the surface improves all the same, and the last
     checkpoint holds it."""
-    system = loaded(tmp_path, {"optimizer.start": start, "refinement.alpha": [1e9]})
-    checkpoints = []
-    lens, state = shape_lens(
-        system, backend, ExactEngine(backend), listener=Listener(checkpoint=checkpoints.append)
-    )
-    evaluations = len(state.history)
-    assert lens.rear.sag.space.levels == 1 + stages(system, start == "transport")[0].level
-    assert min(row.loss for row in state.history) < state.history[0].loss
-    resumed, after = shape_lens(system, backend, ExactEngine(backend), checkpoints[-1])
-    assert len(after.history) == evaluations
-    x = np.linspace(-10, 10, 31)
-    np.testing.assert_allclose(resumed.rear.grid(x, x), lens.rear.grid(x, x), rtol=0, atol=1e-12)
+    made = run(tmp_path, backend, {"optimizer.start": start, "refinement.alpha": [1e9]})
+    assert made.lens.rear.sag.space.levels == 1 + stages(made.system, start == "transport")[0].level
+    assert min(row.loss for row in made.state.history) < made.state.history[0].loss
+    check_that_all_is_done(made, backend)

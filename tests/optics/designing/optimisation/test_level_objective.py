@@ -7,9 +7,7 @@ import pytest
 
 from optics.designing.optimisation import stage_objective, stages
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, write_problem
+from tests.optics.cases import coefficients, loaded
 
 
 @pytest.mark.parametrize("profile", ["uniform", "gaussian"])
@@ -23,7 +21,7 @@ def test_all_light_before_a_small_rear_is_seen(tmp_path, backend, profile):
         "lens.rear.radius": np.inf,
         "lens.rear.conic": 0.0,
     }
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    system = loaded(tmp_path, changes)
     *_, stage = stages(system, False)
     objective = stage_objective(system, system.lens, stage, system.target.light, ExactEngine(backend))
     image = objective.image(coefficients(system.lens))

@@ -15,7 +15,8 @@ from optics.light.engines import ExactEngine
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Limits
 from tests.cases import slow_unless
-from tests.optics.designing.optimisation.cases import loaded, run
+from tests.optics.cases import loaded
+from tests.optics.designing.optimisation.cases import run
 from thbcad.lens import manufacturability
 
 DENSITY = 1.19
@@ -26,11 +27,7 @@ COARSE = {
     "target.pixels": [24, 24],
     "optimizer.iterations": [8],
 }
-BOTH_FREE = {
-    "lens.front.freeform.spans": [3, 3],
-    "lens.front.freeform.max_level": 0,
-    "lens.front.freeform.z_freedom": 1.0,
-}
+BOTH_FREE = {"lens.front.freeform": {"spans": [3, 3], "max_level": 0, "z_freedom": 1.0}}
 
 
 def designed(folder, backend, changes):

@@ -12,7 +12,8 @@ from optics.designing.optimisation.stage_plan import PROBES, stages
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
-from tests.optics.designing.optimisation.cases import FLAT, check_counts, loaded, rows_of, run
+from tests.optics.cases import loaded
+from tests.optics.designing.optimisation.cases import FLAT, check_counts, rows_of, run
 
 
 def test_the_loss_falls_at_every_level(small):

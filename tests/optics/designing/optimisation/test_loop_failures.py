@@ -9,7 +9,8 @@ from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Problem
 from optics.scene.system import solvable_system
-from tests.optics.designing.optimisation.cases import FLAT, loaded
+from tests.optics.cases import loaded
+from tests.optics.designing.optimisation.cases import FLAT
 from thbcad.surfaces import THBSurface
 
 

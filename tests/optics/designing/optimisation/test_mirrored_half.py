@@ -5,9 +5,7 @@ import pytest
 
 from optics.designing.optimisation import Mirrors, mirror_axes, stage_objective, stages
 from optics.light.engines import ExactEngine
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import loaded
 
 GLOWING = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 2.0}
 CASES = {
@@ -24,7 +22,7 @@ CASES = {
 
 def evaluations(folder, backend, changes, axes=None):
     """Return (axes, Evaluations with one half and with all light, gradients averaged) at a symmetric lens."""
-    system = OpticalSystem(load_problem(write_problem(folder, changes | {"target.kind": "tophat"})))
+    system = loaded(folder, changes | {"target.kind": "tophat"})
     stage = stages(system, False)[-1]
     sags = [sag.refine({0: sag.space.cells[:, 1:]}) for sag in system.lens.sags]
     lens = system.lens.with_sags(sags)

@@ -4,7 +4,7 @@ import pytest
 
 from optics.designing.optimisation import Row, State, stages
 from optics.scene.system import OpticalSystem
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import loaded
 
 
 def of_iterations(folder, count: int) -> OpticalSystem:

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation.bounded_variables import BoundedVariables
-from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.optimisation.objective import Evaluation
 from optics.designing.optimisation.stage_search import FLAT, STEPS, Log, Search, minimised
 from optics.designing.optimisation.state import State, first_sags
-from optics.light.engines import ExactEngine
-from tests.optics.designing.optimisation.cases import FLAT as FLAT_START, loaded
+from tests.optics.designing.optimisation.cases import FLAT as FLAT_START, run
 
 
 class Valley:
@@ -51,10 +49,8 @@ def test_a_flat_loss_ends_the_work_early(small):
 
 
 def test_a_design_that_still_falls_says_how_it_goes_on(tmp_path, backend):
-    system = loaded(tmp_path, FLAT_START | {"optimizer.iterations": [12], "lens.rear.freeform.max_level": 0})
-    notes = []
-    shape_lens(system, backend, ExactEngine(backend), listener=Listener(note=notes.append))
-    (sentence,) = notes
+    changes = {"optimizer.iterations": [12], "lens.rear.freeform.max_level": 0}
+    (sentence,) = run(tmp_path, backend, FLAT_START | changes).notes
     assert "stopped by its 12 iterations, while the misfit still fell by" in sentence
     assert "--resume --iterations 48 goes on" in sentence
 

@@ -6,11 +6,11 @@ import pytest
 from optics.designing.optimisation.loop import shape_lens
 from optics.designing.optimisation.symmetry import Mirrors, mirror_axes, symmetry_axes
 from optics.light.engines import ExactEngine
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem
 from tests.cases import slow_unless
-from tests.optics.cases import small_space, write_problem
+from tests.optics.cases import loaded, small_space
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -47,21 +47,20 @@ SPACES = {
 ALL = pytest.mark.parametrize(("space", "axes"), SPACES.values(), ids=SPACES.keys())
 
 
-def mirrored(row, axis, space, extra):
-    """Return [level, i, j] of the mirror image: function (extra = degree) or cell (extra = 0) of 5 x 4
-    spans."""
-    level, *place = (int(n) for n in row)
-    place[axis] = ((5, 4)[axis] << level) + extra - 1 - place[axis]
+def mirrored(name, axis, extra, spans=(5, 4)):
+    """Return (level, i, j) of the mirror image: function (extra = degree) or cell (extra = 0)."""
+    level, *place = name
+    place[axis] = (spans[axis] << level) + extra - 1 - place[axis]
     return level, *place
 
 
-def brute(rows, values, axes, space, degrees):
+def brute(rows, values, axes, degrees):
     """Return values averaged with their mirror images, by a dictionary of names; an axis without all images
     is left out."""
-    names = [tuple(int(n) for n in row) for row in rows]
+    names = list(map(tuple, rows.tolist()))
     for axis in axes:
         by_name = dict(zip(names, values))
-        images = [mirrored(name, axis, space, degrees[axis]) for name in names]
+        images = [mirrored(name, axis, degrees[axis]) for name in names]
         values = [(by_name[n] + by_name[i]) / 2 for n, i in zip(names, images)]
     return np.array(values)
 
@@ -77,7 +76,7 @@ def test_averages_are_those_of_a_dictionary(space, axes, asked):
         (space.cells, mirrors.of_cells, (0, 0)),
     ):
         values = rng.standard_normal(len(rows))
-        np.testing.assert_array_equal(average(values), brute(rows, values, kept, space, extra))
+        np.testing.assert_array_equal(average(values), brute(rows, values, kept, extra))
 
 
 @ALL
@@ -195,42 +194,32 @@ def two_threads(backend):
 
 
 def rows_by_name(rows, values):
-    return dict(zip((tuple(int(n) for n in row) for row in rows), values))
+    return dict(zip(map(tuple, rows.tolist()), values))
 
 
 @pytest.mark.every(3)
 @pytest.mark.parametrize("source", slow_unless(("flat", "transport", "front free").count, SOURCES))
 def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_threads, source):
-    problem = load_problem(write_problem(tmp_path, TOPHAT | SOURCES[source]))
-    lens, _ = shape_lens(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
+    system = loaded(tmp_path, TOPHAT | SOURCES[source])
+    lens, _ = shape_lens(system, two_threads, ExactEngine(two_threads))
     rear = lens.rear.sag.space
     assert len(rear.cells) < 20 << (2 * (rear.levels - 1))  # refined here and there
     for sag, spans in zip(lens.sags, ((5, 4),) if len(lens.sags) == 1 else ((4, 4), (5, 4)), strict=True):
         space = sag.space
         assert space.levels > 1
         assert np.ptp(sag.coefficients) > 1e-4
-        by_function, cells = (
-            rows_by_name(space.functions, sag.coefficients),
-            {tuple(c) for c in space.cells.tolist()},
-        )
+        by_function = rows_by_name(space.functions, sag.coefficients)
+        cells = set(map(tuple, space.cells.tolist()))
         for axis in (0, 1):
             for name, value in by_function.items():
-                image = list(name)
-                image[1 + axis] = (spans[axis] << name[0]) + 2 - name[1 + axis]
-                assert by_function[tuple(image)] == value
-            flipped = set()
-            for name in cells:
-                image = list(name)
-                image[1 + axis] = (spans[axis] << name[0]) - 1 - name[1 + axis]
-                flipped.add(tuple(image))
-            assert flipped == cells
+                assert by_function[mirrored(name, axis, 3, spans)] == value
+            assert {mirrored(name, axis, 0, spans) for name in cells} == cells
 
 
 def test_a_problem_symmetric_in_one_direction_keeps_that_one(tmp_path, two_threads):
     """A crescent is its own mirror image in x only."""
     changes = TOPHAT | {"target.shape": "crescent", "lens.rear.freeform.max_level": 1}
-    problem = load_problem(write_problem(tmp_path, changes))
-    lens, _ = shape_lens(OpticalSystem(problem), two_threads, ExactEngine(two_threads))
+    lens, _ = shape_lens(loaded(tmp_path, changes), two_threads, ExactEngine(two_threads))
     sag = lens.rear.sag
     by_function = rows_by_name(sag.space.functions, sag.coefficients)
     across = [abs(by_function[n, (5 << n) + 2 - i, j] - v) for (n, i, j), v in by_function.items()]

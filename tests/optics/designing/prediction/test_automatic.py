@@ -13,8 +13,7 @@ from optics.light.analysis import measure
 from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem import FINEST_AUTO, Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import write_problem
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import loaded, write_problem
 
 AUTOMATIC = {"lens.rear.freeform.max_level": AUTO, "lens.rear.freeform.z_freedom": 20.0}
 BASE = {"lens.rear.radius": AUTO, "lens.rear.conic": AUTO, "lens.rear.freeform.z_freedom": AUTO}

@@ -18,8 +18,8 @@ from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system, volume_of_made
 from tests.cases import EXAMPLES, ROOT
-from tests.optics.cases import landing_points, target_z, tracer_to
-from tests.optics.designing.optimisation.cases import loaded, run
+from tests.optics.cases import example_system, landing_points, loaded, target_z, tracer_to
+from tests.optics.designing.optimisation.cases import run
 from thbcad.meshes import to_trimesh
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -36,7 +36,7 @@ def stored(name):
 @pytest.mark.parametrize("name", ["pearl", "pearl_fine", "tophat_square", "tophat_circle"])
 def test_stored_designs_took_the_time_and_memory_that_is_predicted(name):
     """Within 1.3 and 2 times."""
-    system = OpticalSystem(load_problem(EXAMPLES / f"{name}.toml"))
+    system = example_system(name)
     plan, rows = stages(system, from_transport=True), stored(name)
     seconds, memory = seconds_and_memory(system, plan)
     assert 1 / 1.3 < seconds / rows[f"{name}: process start to verified result"] < 1.3
@@ -46,7 +46,7 @@ def test_stored_designs_took_the_time_and_memory_that_is_predicted(name):
 def test_a_stored_plate_took_the_time_that_is_predicted():
     rows = json.loads((ROOT / "docs" / "data" / "gallery.json").read_text("utf-8"))["rows"]
     (took,) = (row["value"] for row in rows if row["name"].startswith("street_plate: process start"))
-    system = OpticalSystem(load_problem(EXAMPLES / "street_plate.toml"))
+    system = example_system("street_plate")
     seconds, _ = seconds_and_memory(system, stages(system, from_transport=False))
     assert 1 / 1.3 < seconds / took < 1.3
 
@@ -134,7 +134,7 @@ def test_a_round_lens_is_as_deep_as_within_its_rim():
 
 
 def test_zones_are_not_predicted_as_pictures_are(backend):
-    system = OpticalSystem(load_problem(EXAMPLES / "headlamp.toml", {"target.pixels": [64, 32]}))
+    system = example_system("headlamp", {"target.pixels": [64, 32]})
     found, _ = expected(system, backend)
     assert found.rel_l2 is None
     assert any(
@@ -144,7 +144,7 @@ def test_zones_are_not_predicted_as_pictures_are(backend):
 
 def test_the_sag_asked_for_is_that_of_every_fit(backend):
     """The map of a point's light asks for more on one mesh than on another."""
-    system = OpticalSystem(load_problem(EXAMPLES / "point.toml", {"target.pixels": [64, 64]}))
+    system = example_system("point", {"target.pixels": [64, 64]})
     found, _ = expected(system, backend)
     assert found.sag > TransportStart(system, backend).finest_fit().asked
     assert f"asks for a sag of +-{found.sag:.3g} mm" in found.note

@@ -10,7 +10,7 @@ from optics.designing.prediction import blur_limits, expectation_lines, expected
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import example_system, loaded
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
 
@@ -122,7 +122,7 @@ def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
 
 @pytest.mark.slow
 def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
-    system = OpticalSystem(load_problem(EXAMPLES / "tophat_square.toml"))
+    system = example_system("tophat_square")
     assert foreseen(system, backend) == []
 
 

@@ -6,14 +6,13 @@ import shlex
 
 import pytest
 
-from optics.designing.optimisation import Listener, shape_lens
 from optics.designing.prediction import expected
 from optics.designing.starts import STEEP, TransportStart
-from optics.light.engines import ExactEngine
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.designing.optimisation.cases import loaded
+from tests.optics.cases import loaded
+from tests.optics.designing.optimisation.cases import designed
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
 
@@ -46,10 +45,9 @@ def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
     found, _ = expected(other, backend)
     assert found.note == ""
     assert found.from_transport
-    notes = []
-    _, state = shape_lens(other, backend, ExactEngine(backend), listener=Listener(note=notes.append))
-    assert state.started_from_transport
-    assert not any("transport map" in note for note in notes)
+    made = designed(other, backend)
+    assert made.state.started_from_transport
+    assert not any("transport map" in note for note in made.notes)
 
 
 @pytest.mark.slow
@@ -84,6 +82,5 @@ def test_the_design_says_what_check_says(tmp_path, backend):
     fine = start.fit(system.lens.sags[-1].space.uniform(system.freeforms[-1].finest))
     assert start.traced.asked > fine.asked
     needed = re.search(r"z_freedom=[\d.]+", expected(system, backend)[0].note)[0]
-    notes = []
-    shape_lens(system, backend, ExactEngine(backend), listener=Listener(note=notes.append))
-    assert f"--set lens.rear.freeform.{needed}; the design starts from the base surface instead" in notes[0]
+    first, *_ = designed(system, backend).notes
+    assert f"--set lens.rear.freeform.{needed}; the design starts from the base surface instead" in first

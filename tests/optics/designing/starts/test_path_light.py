@@ -5,16 +5,14 @@ import pytest
 
 from optics.designing.starts import path_light
 from optics.designing.starts.path_light import light_on
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.cases import EXAMPLES
+from tests.optics.cases import example_system
 
 
 @pytest.mark.parametrize("example", ["mirror", "two_elements"])
 def test_one_direction_is_that_of_the_light_laid_down(backend, monkeypatch, example):
     """Of a beam before a turned mirror; behind a lens that spreads it nothing changes."""
     face = {"element.M1.face.radius": 800.0, "element.M1.face.freeform.z_freedom": 1.0}
-    system = OpticalSystem(load_problem(EXAMPLES / f"{example}.toml", face))
+    system = example_system(example, face)
     path, number = system.path(system.lens), system.path(system.lens).shaped
     found = light_on(backend, path, number, system.source, (32, 32))
     monkeypatch.setattr(path_light, "ALIKE", -1.0)

@@ -6,10 +6,9 @@ from PIL import Image
 
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from tests.optics.cases import (
     coefficients,
+    loaded,
     mesh,
     picture,
     rough,
@@ -17,11 +16,9 @@ from tests.optics.cases import (
     target_z,
     traced,
     tracer_to,
-    write_problem,
 )
 from thbcad.fitting import fit_slopes
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
 
@@ -30,14 +27,16 @@ WHITE = np.full((48, 48), 255, dtype=np.uint8)
 
 def started(folder, backend, changes=None, image=None, spans=16):
     """Return (sag, traced rays) of the transport start on one level of `spans` spans."""
-    problem = load_problem(write_problem(folder, changes, image))
-    lens = OpticalSystem(problem).lens
-    space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in lens.rear.half_width))
-    sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
-    lens = lens.with_rear(FreeformSurface(lens.rear.half_width, lens.rear.conic, sag))
-    return sag, traced(
-        backend, lens, problem.source.half_width, (61, 59), target_z(problem), problem.target.half_width
-    )
+    system = loaded(folder, changes, image)
+    lens, source, target = fitted(system, backend, spans), system.problem.source, system.problem.target
+    beam = [min(s, h) for s, h in zip(source.half_width, lens.rear.half_width)]
+    return lens.rear.sag, traced(backend, lens, beam, (61, 59), target_z(system.problem), target.half_width)
+
+
+def fitted(system, backend, spans=16):
+    """Return the lens of the transport start on one level of `spans` spans."""
+    space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in system.lens.rear.half_width))
+    return system.lens.with_sags([TransportStart(system, backend).fit(space).sag])
 
 
 def test_slopes_of_a_surface_of_the_space_give_it_back():
@@ -46,9 +45,8 @@ def test_slopes_of_a_surface_of_the_space_give_it_back():
     sag = THBSurface(space, rough(space, 0.1))
     x, y = (h * ((2 * np.arange(96) + 1) / 96 - 1) for h in (10.0, 8.0))
     found = fit_slopes(space, x, y, sag.grid(x, y, (1, 0)), sag.grid(x, y, (0, 1)), np.ones((96, 96)))
-    assert (
-        np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2
-    )  # conjugate gradients end at 3e-4 of the right side
+    # conjugate gradients end at 3e-4 of the right side
+    assert np.ptp(found.coefficients - sag.coefficients) < 0.01 * 0.2
     assert found.coefficients.max() == pytest.approx(-found.coefficients.min(), abs=1e-15)
 
 
@@ -65,7 +63,7 @@ def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
 @pytest.mark.parametrize("beam", [9.5, 6.0])
 def test_cells_of_the_rim_beside_the_light_are_refined_with_their_neighbours(tmp_path, backend, beam):
     """Those that begin within 1.5 spans of the light, where a function may still meet it, and no others."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path, {"source.half_width": [beam, beam]})))
+    system = loaded(tmp_path, {"source.half_width": [beam, beam]})
     (sag,), start = system.lens.sags, TransportStart(system, backend)
     sag = sag.uniform(3)
     spans, half = 8 * sag.space.kv_u.spans, system.lens.rear.half_width[0]
@@ -106,11 +104,9 @@ def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels
         "target.fit": "stretch",
     }
     changes |= {"source.image": "glow.png", "lens.rear.freeform.z_freedom": 5.0}
-    problem = load_problem(write_problem(tmp_path, changes, WHITE))
-    lens = OpticalSystem(problem).lens
-    space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
-    lens = lens.with_sags([TransportStart(OpticalSystem(problem), backend).fit(space).sag])
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((121, 119)), target_z(problem))
+    system = loaded(tmp_path, changes, WHITE)
+    lens, rays = fitted(system, backend), system.source.rays((121, 119))
+    tracer = tracer_to(backend, lens, rays, target_z(system.problem))
     _, landing = tracer.trace(coefficients(lens))
     flux = landing.flux.numpy()
     for a in (landing.x.numpy(), landing.y.numpy()):
@@ -168,12 +164,10 @@ def test_light_sent_far_aside_lands_in_its_place(tmp_path, backend, monkeypatch)
         "target.pixels": [64, 64],
         "lens.rear.freeform.z_freedom": 20.0,
     }
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes, image)))
-    space = THBSpace(*(KnotVector.uniform(3, 64, -h, h) for h in system.lens.rear.half_width))
+    system = loaded(tmp_path, changes, image)
 
     def error():
-        lens = system.lens.with_sags([TransportStart(system, backend).fit(space).sag])
-        return measure(system, lens, backend).metrics["rel_l2"]
+        return measure(system, fitted(system, backend, 64), backend).metrics["rel_l2"]
 
     allowed_for = error()
     monkeypatch.setattr("optics.designing.starts.parallel_start.CHANGE", np.inf)
@@ -203,12 +197,7 @@ def test_the_base_conic_does_not_matter(tmp_path, backend):
 def test_a_beam_wider_than_the_rear_starts_from_the_light_that_meets_it(tmp_path, backend):
     """The map spreads it over the target: 8 / 9.5 of the beam in each direction, to half a pixel."""
     changes = {"lens.rear.half_width": [8.0, 8.0]}
-    problem = load_problem(write_problem(tmp_path, changes, WHITE))
-    lens = OpticalSystem(problem).lens
-    space = THBSpace(*(KnotVector.uniform(3, 16, -h, h) for h in lens.rear.half_width))
-    sag = TransportStart(OpticalSystem(problem), backend).fit(space).sag
-    lens = lens.with_rear(lens.rear.with_sag(sag))
-    _, landing, _, beam = traced(backend, lens, (8.0, 8.0), (61, 59), target_z(problem), (20.0, 20.0))
+    _, (_, landing, _, beam) = started(tmp_path, backend, changes, WHITE)
     x, y = mesh(beam)
     assert np.abs(landing.x.numpy() - 20 / 8.0 * x).max() < 0.42
     assert np.abs(landing.y.numpy() - 20 / 8.0 * y).max() < 0.42

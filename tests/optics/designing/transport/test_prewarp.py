@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from optics.designing.transport import prewarped
+from oracles.error_measures import relative
 
 GRID = (160, 128)
 
@@ -23,10 +24,6 @@ def beside(x, y):
     return 0.02 * np.cos(1.5 * x + 0.4), -0.015 * np.sin(2 * y + x)
 
 
-def error(image, wanted):
-    return np.linalg.norm(image - wanted) / np.linalg.norm(wanted)
-
-
 def test_the_density_is_that_beyond_the_offset():
     """g(y) = T(y + d) det(1 + Dd).
 
@@ -39,7 +36,7 @@ def test_the_density_is_that_beyond_the_offset():
     stretch = (1 - 0.03 * np.sin(1.5 * x + 0.4)) * (1 - 0.03 * np.cos(2 * y + x))
     exact = wave(x + dx, y + dy) * stretch
     assert np.hypot(dx * GRID[0] / 2, dy * GRID[1] / 2).mean() == pytest.approx(1.3, abs=0.05)
-    assert error(asked, exact) < 0.2 / 1.3 * error(wave(x, y), exact)
+    assert relative(asked, exact) < 0.2 / 1.3 * relative(wave(x, y), exact)
 
 
 @pytest.mark.parametrize("light", ["everywhere", "in one quarter"])
@@ -68,7 +65,7 @@ def test_fine_bins_follow_an_offset_as_uneven_as_the_picture():
     d, slope = 3 / GRID[0] * np.sin(k * x), 3 / GRID[0] * k * np.cos(k * x)
     exact = wave(x + d, y) * (1 + slope)
     of_bins = [
-        error(prewarped(wave(x, y), (x, y), (d, y * 0), np.ones(GRID), f), exact) for f in (False, True)
+        relative(prewarped(wave(x, y), (x, y), (d, y * 0), np.ones(GRID), f), exact) for f in (False, True)
     ]
     assert of_bins[1] < 0.6 * of_bins[0]
 
