@@ -14,10 +14,10 @@ from optics.designing.prediction.expectation import COARSE, _size, predicted_rel
 from optics.designing.prediction.sensitivity import sensitivity
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system, volume_of_made
-from tests.cases import EXAMPLES, ROOT
+from tests.cases import ROOT
 from tests.optics.cases import example_system, landing_points, loaded, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import run
 from thbcad.meshes import to_trimesh
@@ -55,8 +55,7 @@ def started(folder, backend, changes):
     """Return the system with the lens of its transport start, and what `sensitivity` says of it."""
     system = loaded(folder, changes)
     start = TransportStart(system, backend)
-    space = system.lens.sags[-1].space
-    lens = system.lens.with_sags([start.fit(space.refine({0: space.cells[:, 1:]})).sag])
+    lens = system.lens.with_sags([start.fit(system.lens.sags[-1].space.uniform(1)).sag])
     return system, lens, sensitivity(system, lens, backend)
 
 
@@ -126,8 +125,7 @@ def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
 
 def test_a_round_lens_is_as_deep_as_within_its_rim():
     """Against the vertices of its mesh."""
-    problem = load_problem(EXAMPLES / "dome.toml", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
-    system = OpticalSystem(problem)
+    system = example_system("dome", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
     lens = system.lens
     heights = to_trimesh(lens, 1e-3).vertices[:, 2]
     assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
@@ -208,7 +206,7 @@ def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path
 @pytest.mark.parametrize("example", ["dome", "street_plate"])
 def test_volume_and_size_are_those_of_what_is_made(example):
     base = {"lens.rear.radius": -30.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 0.1}
-    system = solvable_system(load_problem(EXAMPLES / f"{example}.toml", base | {"target.pixels": (32, 32)}))
+    system = example_system(example, base | {"target.pixels": (32, 32)})
     made, (count, more) = system.made(system.lens), volume_of_made(system.problem.optic, system.lens)
     assert made.volume() == pytest.approx(count * system.lens.volume() + more, rel=1e-12)
     assert made.volume() > 1.2 * count * system.lens.volume()

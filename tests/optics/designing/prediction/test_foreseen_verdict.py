@@ -17,6 +17,9 @@ pytestmark = pytest.mark.usefixtures("coarse_concentration")
 BRIGHT = {"target.half_width": [60.0, 60.0], "target.distance": 400.0}  # asks for more sag than z_freedom
 SUN = {"source.divergence_profile": "sun", "lens.rear.freeform.z_freedom": 3.0}
 
+STROKES = np.zeros((48, 48), np.uint8)
+STROKES[8:40:6] = 255
+
 
 def bright_top_hat(**changes):
     return load_problem(EXAMPLES / "tophat_square.toml").with_(**BRIGHT, **changes)
@@ -52,9 +55,7 @@ def test_bad_light_on_a_square_is_not_called_good():
 @pytest.mark.slow
 def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     """The blur alone keeps rel_l2 above the limit, whatever the lens."""
-    image = np.zeros((48, 48), np.uint8)
-    image[8:40:6] = 255
-    system = loaded(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, image=image)
+    system = loaded(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, STROKES)
     limits = blur_limits(system, system.lens, backend)
     assert limits.least > 0.3
     sentences = foreseen(system, backend, limits)
@@ -83,9 +84,7 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
 def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothing(
     backend, tmp_path, changes
 ):
-    image = np.zeros((48, 48), np.uint8)
-    image[8:40:6] = 255
-    system = loaded(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, image=image)
+    system = loaded(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, STROKES)
     found, _ = expected(system, backend)
     limits = blur_limits(system, system.lens, backend)
     assert limits.least > 0.1

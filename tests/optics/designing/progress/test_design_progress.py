@@ -53,19 +53,24 @@ def system_of(run):
     )
 
 
-def replayed(run, seconds, show):
+def replayed(run, seconds, show=lambda moment: None):
     """Tell a DesignProgress what happened in a run of so many seconds; between events the bar looks too.
 
-    The time is in `show.now`.
+    Return every ProgressEvent with its time.
     """
-    show.now, plan = 0.0, plan_of(run)
-    with DesignProgress(show, lambda: show.now) as progress:
+    clock, plan, seen = SimpleNamespace(now=0.0), plan_of(run), []
+
+    def told(moment):
+        seen.append((clock.now, moment))
+        show(moment)
+
+    with DesignProgress(told, lambda: clock.now) as progress:
         progress.asked(system_of(run))
         for fraction, event, *values in run["events"]:
-            while show.now + 0.01 * seconds < fraction * seconds:
-                show.now += 0.01 * seconds
+            while clock.now + 0.01 * seconds < fraction * seconds:
+                clock.now += 0.01 * seconds
                 progress._progress.report()
-            show.now = fraction * seconds
+            clock.now = fraction * seconds
             if event == "planned":
                 progress.planned(Size(**run["size"]), plan)
             elif event == "over":
@@ -74,48 +79,37 @@ def replayed(run, seconds, show):
                 stage, dof, evaluation, fit = values
                 row = SimpleNamespace(evaluation=evaluation, fit=fit) if evaluation else None
                 progress(plan, plan[stage], dof, row)
-
-
-class Seen:
-    """Every ProgressEvent with its time."""
-
-    def __init__(self):
-        self.now, self.all = 0.0, []
-
-    def __call__(self, moment):
-        self.all.append((self.now, moment))
+    return seen
 
 
 @pytest.mark.parametrize("name", [name for name in RUNS if name != LATE])
 def test_after_a_third_of_a_recorded_run_the_time_left_is_known_within_a_fifth(name):
     for seconds in (5.0, 30.0, 300.0):
-        seen = Seen()
-        replayed(RUNS[name], seconds, seen)
-        time, moment = next((t, m) for t, m in seen.all if t >= seconds / 3)
+        seen = replayed(RUNS[name], seconds)
+        time, moment = next((t, m) for t, m in seen if t >= seconds / 3)
         assert moment.left == pytest.approx(seconds - time, rel=0.2)
         # and from then on within a fifth of the run
-        assert max(abs(m.left - (seconds - t)) for t, m in seen.all if t > time) < 0.2 * seconds
+        assert max(abs(m.left - (seconds - t)) for t, m in seen if t > time) < 0.2 * seconds
 
 
 @pytest.mark.parametrize("seconds", [5.0, 30.0, 300.0])
 def test_a_run_that_is_planned_after_a_third_is_known_within_a_quarter_from_then_on(seconds):
     """Its level is the least; before, more than twice the time is expected, for the usual one."""
-    run, seen = RUNS[LATE], Seen()
-    replayed(run, seconds, seen)
+    run = RUNS[LATE]
+    seen = replayed(run, seconds)
     assert next(share for share, event, *_ in run["events"] if event == "planned") > 1 / 3
-    time, moment = next((t, m) for t, m in seen.all if m.phase != "setup")
+    time, moment = next((t, m) for t, m in seen if m.phase != "setup")
     assert moment.left == pytest.approx(seconds - time, rel=0.25)
-    assert max(abs(m.left - (seconds - t)) for t, m in seen.all if t > time) < 0.2 * seconds
-    assert max(m.left / (seconds - t) for t, m in seen.all if seconds / 3 < t < time) < 2.5
+    assert max(abs(m.left - (seconds - t)) for t, m in seen if t > time) < 0.2 * seconds
+    assert max(m.left / (seconds - t) for t, m in seen if seconds / 3 < t < time) < 2.5
 
 
 @pytest.mark.parametrize("name", RUNS)
 def test_the_time_left_is_never_ten_times_off_not_even_at_the_start(name):
     """On machines twice as fast and half as slow again, and the first hundredth of a run aside."""
     for times in (0.5, 1.0, 1.5):
-        seen, seconds = Seen(), times * RUNS[name]["seconds"]
-        replayed(RUNS[name], seconds, seen)
-        for time, moment in seen.all:
+        seconds = times * RUNS[name]["seconds"]
+        for time, moment in replayed(RUNS[name], seconds):
             if 0.01 * seconds < time < 0.9 * seconds:
                 assert 0.1 < moment.left / (seconds - time) < 10, (times, time, moment)
 
@@ -126,20 +120,18 @@ def test_packages_that_load_slowly_do_not_count_as_a_slow_machine(name):
     run, late = RUNS[name], 5.0
     seconds = run["seconds"] + late
     events = [[(late + share * run["seconds"]) / seconds, *event] for share, *event in run["events"]]
-    seen = Seen()
-    replayed(run | {"events": events}, seconds, seen)
-    planned = next((time, moment) for time, moment in seen.all if moment.phase == "start surface")
+    seen = replayed(run | {"events": events}, seconds)
+    planned = next((time, moment) for time, moment in seen if moment.phase == "start surface")
     assert planned[1].left < 8 * (seconds - planned[0])
 
 
 @pytest.mark.parametrize("name", RUNS)
 def test_the_fraction_of_a_run_rises_to_1_and_every_phase_is_named(name):
-    seen = Seen()
-    replayed(RUNS[name], 10.0, seen)
-    fractions = [moment.fraction for _, moment in seen.all]
+    seen = replayed(RUNS[name], 10.0)
+    fractions = [moment.fraction for _, moment in seen]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
-    names = list(dict.fromkeys(moment.phase for _, moment in seen.all))
+    names = list(dict.fromkeys(moment.phase for _, moment in seen))
     assert names[:2] == ["setup", "start surface"]
     assert names[-4:] == ["export", "measure", "verify", "figures"]
     assert all(re.fullmatch(r"(mesh of )?(sharp )?level \d|finish", name) for name in names[2:-4])
@@ -148,33 +140,24 @@ def test_the_fraction_of_a_run_rises_to_1_and_every_phase_is_named(name):
 
 def test_more_evaluations_than_iterations_do_not_overfill_a_stage_and_fewer_are_no_step_back():
     run = RUNS["pearl"]
-    plan = plan_of(run)
-    seen = Seen()
-    with DesignProgress(seen, lambda: seen.now) as progress:
+    plan, clock, seen = plan_of(run), SimpleNamespace(now=0.0), []
+    with DesignProgress(seen.append, lambda: clock.now) as progress:
         progress.planned(Size(**run["size"]), plan)
         progress.over("setup")
         progress(plan, plan[0], 100, None)
         progress(plan, plan[-1], 100, None)
         for evaluation in range(1, 200):
-            seen.now += 0.1
+            clock.now += 0.1
             progress(plan, plan[-1], 100, SimpleNamespace(evaluation=evaluation, fit=0.1))
         progress.over("optimise")
-    fractions = [moment.fraction for _, moment in seen.all]
+    fractions = [moment.fraction for moment in seen]
     assert fractions == sorted(fractions)
-    assert max(m.fraction for _, m in seen.all if m.phase == "level 5") < 1
+    assert max(m.fraction for m in seen if m.phase == "level 5") < 1
 
 
 def test_plain_lines_name_every_phase_with_its_time_the_part_done_and_the_time_left():
     stream = io.StringIO()
-    lines = Lines(stream)
-
-    class Show:
-        now = 0.0
-
-        def __call__(self, moment):
-            lines(moment)
-
-    replayed(RUNS["pearl"], 60.0, Show())
+    replayed(RUNS["pearl"], 60.0, Lines(stream))
     text = stream.getvalue().splitlines()
     assert "\r" not in stream.getvalue()
     over = [line for line in text if re.search(r", \d+\.\d s \(", line)]
@@ -224,15 +207,8 @@ class Drawn:
 def test_a_bar_shows_the_phase_and_the_time_left_and_ends_full():
     made = []
     bar = Bar(io.StringIO(), lambda **options: made.append(Drawn(**options)) or made[0])
-
-    class Show:
-        now = 0.0
-
-        def __call__(self, moment):
-            bar(moment)
-
     assert not made  # nothing is drawn before there is something to say
-    replayed(RUNS["tophat_square"], 20.0, Show())
+    replayed(RUNS["tophat_square"], 20.0, bar)
     bar.close()
     (drawn,) = made
     assert drawn.n == pytest.approx(1.0)
