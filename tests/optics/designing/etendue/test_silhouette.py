@@ -15,7 +15,7 @@ from optics.designing.etendue.silhouette import (
     pixel_etendue,
     projected_solid_angle,
 )
-from optics.scene.problem import Freeform, Front, LensSpec, Problem, Rear, Source, Target
+from optics.scene.problem import Problem
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
@@ -72,6 +72,15 @@ def over_sampled(system, points=None):
     return np.array([bound[at] for at in pixels]) / sampled_etendue(system, pixels, points)
 
 
+EMITTER = {"kind": "lambertian", "half_width": (0.1, 0.1), "distance": 20.0}
+
+
+def target_of(pitch, distance):
+    """Return a target of 6 x 6 pixels, whose pitch is a share of the distance, or an angle in radians."""
+    sides = tuple(3 * p * distance if distance < np.inf else 3 * np.degrees(p) for p in pitch)
+    return {"kind": "tophat", "half_width": sides, "pixels": (6, 6)}
+
+
 @st.composite
 def any_faces(draw):
     """A face with a rectangular rim that reaches 0.9 of the way to the conic's end at most."""
@@ -92,24 +101,10 @@ def any_faces(draw):
 )
 def test_pixels_get_no_more_than_their_bound_and_not_much_less(front, rear, freedom, distance, pitch):
     """Any lens and target, pixels up to half as wide as their distance or 29 degrees, by dense sampling."""
-    system = OpticalSystem(
-        Problem(
-            title="any",
-            source=Source(kind="lambertian", half_width=(0.1, 0.1), distance=20.0),
-            lens=LensSpec(
-                index=1.5,
-                thickness=15.0,
-                front=Front(**front),
-                rear=Rear(**rear, freeform=Freeform(spans=(2, 2), z_freedom=freedom)),
-            ),
-            target=Target(
-                kind="tophat",
-                distance=distance,
-                half_width=tuple(3 * p * distance if distance < np.inf else 3 * np.degrees(p) for p in pitch),
-                pixels=(6, 6),
-            ),
-        )
-    )
+    rear |= {"freeform": {"spans": (2, 2), "z_freedom": freedom}}
+    lens = {"index": 1.5, "thickness": 15.0, "front": front, "rear": rear}
+    target = target_of(pitch, distance) | {"distance": distance}
+    system = OpticalSystem(Problem(source=EMITTER, lens=lens, target=target))
     times = over_sampled(system, sampled_lenses(system, 48))
     assert times.min() >= 1
     assert times.max() < 1.5
@@ -143,11 +138,9 @@ def test_mirrors_and_targets_anywhere_are_bounded_too(face, freedom, tilt, aside
     ]
     turn, far = tuple(np.add(tilt, aside)), distance == np.inf
     middle = Rotation.from_euler("XYZ", turn, degrees=True).apply([0, 0, 1 if far else distance])
-    sides = tuple(3 * np.degrees(p) if far else 3 * p * distance for p in pitch)
     place = {"surface": "far_field"} if far else {"position": tuple(middle)}
-    target = {"kind": "tophat", "tilt": turn, "half_width": sides, "pixels": (6, 6), **place}
-    source = {"kind": "lambertian", "half_width": (0.1, 0.1), "distance": 20.0}
-    system = OpticalSystem(Problem(source=source, element=row, target=target))
+    target = target_of(pitch, distance) | {"tilt": turn} | place
+    system = OpticalSystem(Problem(source=EMITTER, element=row, target=target))
     times = over_sampled(system, sampled_faces(system, 48))
     assert times.min() >= 1
     assert times.max() < 1.5
