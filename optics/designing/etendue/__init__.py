@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         usual_efficiency,
     )
     from optics.designing.etendue.silhouette import greatest_slack
-    from optics.designing.etendue.source_image_bound import ImageBound
+    from optics.designing.etendue.source_image_bound import ImageBound, merged
     from optics.designing.etendue.throughput_bound import (
         Throughput,
         bounds_hold,

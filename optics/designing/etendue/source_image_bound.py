@@ -82,7 +82,7 @@ def image_bound(
     finest : KKT residual at which the solver stops
     """
     size = width[1], width[0]
-    goal = _merged(target, merge)
+    goal = merged(target, merge)
     if max(size) < 2 * merge or not goal.any():
         return _no_bound(goal, merge)
     sizes = [size]
@@ -96,7 +96,7 @@ def image_bound(
     for other in sizes[1:]:
         for coarser, tolerance in (*QUICK, (1, finest)):
             pixels = coarser * merge
-            blur = _blur(other, profile, pixels, _merged(target, pixels).shape)
+            blur = _blur(other, profile, pixels, merged(target, pixels).shape)
             new = _solved(target, blur, pixels, max(tolerance, finest))
             if new.lower_bound >= least.lower_bound:
                 break
@@ -120,7 +120,7 @@ def any_proportions(
 
     Source: A. H. Land, A. G. Doig, Econometrica 28 (1960).
     """
-    goal = _merged(target, merge)
+    goal = merged(target, merge)
     area = min(area * (1 - OUTWARD), (min(target.shape) / LARGEST) ** 2)
     if area < (2 * merge) ** 2 or not goal.any():
         return _no_bound(goal, merge)
@@ -226,7 +226,7 @@ def _blur(
 
 def _solved(target: Floats, blur: KernelStack | Kernel, merge: int, tolerance: float) -> ImageBound:
     """Return the ImageBound of one blur of merged pixels."""
-    goal = _merged(target, merge)
+    goal = merged(target, merge)
     scale = merge * float(np.linalg.norm(goal) / np.linalg.norm(target))
     if isinstance(blur, KernelStack):
         best, bound = stack_approximation(blur, goal, tolerance, MOST_STEPS)
@@ -245,7 +245,7 @@ def _solved(target: Floats, blur: KernelStack | Kernel, merge: int, tolerance: f
     )
 
 
-def _merged(image: Floats, merge: int) -> Floats:
+def merged(image: Floats, merge: int) -> Floats:
     """Return the means of merge x merge pixels.
 
     Rows and columns left over at the end are dropped, which is a projection too.

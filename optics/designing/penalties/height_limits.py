@@ -170,10 +170,9 @@ def _envelope(
 
 def _gaps(lens: Lens, key: str, fine: bool) -> list[LinearExcess]:
     """Return the gap in mm at points of the finest sag: everywhere, on pairs of sides, or in the centre."""
-    free = [surface for _, surface in free_surfaces(lens)]
-    spaces = [s.sag.space.embedding for s in free if s.sag is not None]
-    finest = max(range(len(free)), key=lambda k: spaces[k].kv_u.dim * spaces[k].kv_v.dim)
-    half = free[finest].half_width
+    spaces = [sag.space.embedding for sag in lens.sags]
+    finest = max(range(len(spaces)), key=lambda k: spaces[k].kv_u.dim * spaces[k].kv_v.dim)
+    half = lens.free_surfaces[finest].half_width
     (x, wx), (y, wy) = (simpson(kv, fine) for kv in (spaces[finest].kv_u, spaces[finest].kv_v))
     x, y = x / half[0], y / half[1]
     ends, both, one = np.array([-1.0, 1.0]), np.array([0.5, 0.5]), np.ones(1)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from optics.base.runtime import Backend
-from optics.designing.etendue import Kernel, approximate
+from optics.designing.etendue import Kernel, approximate, merged
 from optics.light.analysis import rel_l2
 from optics.light.blur import Blur, blur_of
 from optics.scene.receivers import Screen
@@ -150,9 +150,7 @@ def _least(system: OpticalSystem, blur: Blur, most: int = MOST_PIXELS) -> float 
     sharp = system.target.screen()
     target, shown = system.target.irradiance(sharp, 1.0), sharp.projection()
     merge = -(-max(system.target.settings.pixels) // most)
-    rows, columns = (n // merge for n in target.shape)
-    cut = target[: rows * merge, : columns * merge]
-    goal = cut.reshape(rows, merge, columns, merge).mean(axis=(1, 3))
+    goal = merged(target, merge)
     screen = system.target.screen(merge)
     if blur.kernel_side(screen) > min(goal.shape):  # asked first: the kernel of a wide spot fills the memory
         return None

@@ -68,12 +68,9 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
     # light may come a little nearer where a spot is few pixels wide, since it need not aim at their middles
     sure = blur is not None and blur.width >= WIDE * blur.pixel
+    word, why = (WILL, "the blur allows") if sure else (MAY, "one blur leaves")
     known = [
-        (
-            WILL if sure else MAY,
-            blur.least if blur else None,
-            "the blur allows" if sure else "one blur leaves",
-        ),
+        (word, blur.least if blur else None, why),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
     ]
     for word, value, why in known:
