@@ -6,7 +6,7 @@ The flange is a frame round the lens: its two planes cut the edges of the lens, 
 from OCP.TopoDS import TopoDS
 
 from thbcad.cad.shapes.forms import form_of, optical_face
-from thbcad.cad.shapes.lens_parts import Bounded, ruled_faces, upright_faces
+from thbcad.cad.shapes.lens_parts import Bounded, bounded_faces
 from thbcad.cad.shapes.topology import Part, closed_part, turned
 from thbcad.cad.shapes.walls import RuledWall, UprightWall, Wall, form_ring, plane_face, wall_faces
 from thbcad.lens import (
@@ -17,7 +17,6 @@ from thbcad.lens import (
     optical_forms,
     require_clear,
     require_sound,
-    ruled_edges,
     walls_of,
 )
 from thbcad.outlines import UPRIGHT, Outline
@@ -38,18 +37,12 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
     """
     require_clear(require_sound(lens), flange, semi_axes)
     shape = walls_of(lens, semi_axes)
-    wall, (front, bottom), (rear, top) = walled_lens(
-        lens, shape, semi_axes is not None or lens.taper == UPRIGHT
-    )
+    planar = semi_axes is not None or lens.taper == UPRIGHT
+    wall, (front, bottom), (rear, top) = walled_lens(lens, shape, planar)
     outline = UprightWall(flange.around(shape).pieces)
     edges = HALVES if semi_axes is not None else edge_names(lens)
     inner, outer = ([w.level(z) for z in (flange.low, flange.high)] for w in (wall, outline))
-    faces = [
-        front,
-        rear,
-        *wall_faces(wall, bottom, inner[0]),
-        *wall_faces(wall, inner[1], top),
-    ]
+    faces = [front, rear, *wall_faces(wall, bottom, inner[0]), *wall_faces(wall, inner[1], top)]
     faces += [plane_face(z, [inner[k]], outer[k], k == 1) for k, z in enumerate((flange.low, flange.high))]
     faces += wall_faces(outline, *outer)
     names = [f"{edge} {side}" for side in ("front", "rear") for edge in edges]
@@ -59,18 +52,14 @@ def flanged_part(lens: Lens, flange: Flange, semi_axes: tuple[float, float] | No
 
 def walled_lens(lens: Lens, shape: Outline, planar: bool) -> tuple[Wall, Bounded, Bounded]:
     """Return the wall of the edges within an outline, and front and rear with the rings of their rims."""
+    wall = UprightWall(shape.pieces) if planar else RuledWall.of(lens)
     if not shape.is_rectangle:
-        if planar:
-            upright = UprightWall(shape.pieces)
-            return upright, *upright_faces(lens, upright)
-        ruled = RuledWall.round(ruled_edges(lens))
-        return ruled, *ruled_faces(lens, ruled)
-    ruled = RuledWall.rectangular([] if planar else ruled_edges(lens))
+        return wall, *bounded_faces(lens, wall)
     optical = []
     for k, surface in enumerate(optical_forms(lens)):
         form = form_of(surface)
-        ring = form_ring(form) if planar else ruled.sides(form, float(k))
+        ring = wall.sides(form, float(k)) if isinstance(wall, RuledWall) else form_ring(form)
         edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
         optical.append((optical_face(form, edges, outward=k == 1), ring))
     front, rear = optical
-    return UprightWall(shape.pieces) if planar else ruled, front, rear
+    return wall, front, rear

@@ -41,7 +41,7 @@ from thbcad.lens import (
     rim_pieces,
     ruled_edges,
 )
-from thbcad.outlines import UPRIGHT, Arc, Line, Path, RimPiece, Shape
+from thbcad.outlines import UPRIGHT, Arc, Line, Path, RimPiece
 from thbcad.sags import PlacedConic
 from thbcad.splines import UNIT, BSplineSurface
 
@@ -57,7 +57,7 @@ def trimmed_part(lens: Lens, semi_axes: tuple[float, float]) -> Part:
     Raises ValueError : as `require_sound`; semi-axes that are not two positive numbers or exceed a
         half-width.
     """
-    return upright_part(lens, require_aperture(require_sound(lens), semi_axes))
+    return _walled(lens, UprightWall(require_aperture(require_sound(lens), semi_axes).pieces))
 
 
 def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
@@ -67,48 +67,25 @@ def polygon_part(lens: Lens, corners: Sequence[tuple[float, float]]) -> Part:
 
     Raises ValueError : as `require_sound` and `require_polygon`.
     """
-    return upright_part(lens, require_polygon(require_sound(lens), corners))
+    return _walled(lens, UprightWall(require_polygon(require_sound(lens), corners).pieces))
 
 
-def upright_part(lens: Lens, shape: Shape) -> Part:
-    """Return a sound lens within upright walls over an outline as a closed Part: front, rear, and an edge on
-    every piece of the outline.
-
-    Rims on planes are lines and exact ellipses, round rims on conics exact circles; others are as
-    `outline_rims`.
-    """
-    wall = UprightWall(shape.pieces)
-    return _closed(wall, *upright_faces(lens, wall))
-
-
-def ruled_part(lens: Lens) -> Part:
-    """Return a sound lens with an outline, whose front and rear differ in size, as a closed Part: front,
-    rear, and a ruled edge between the rims on every piece of the outline."""
-    wall = RuledWall.round(ruled_edges(lens))
-    return _closed(wall, *ruled_faces(lens, wall))
-
-
-def _closed(wall: UprightWall | RuledWall, front: Bounded, rear: Bounded) -> Part:
-    edges = wall_faces(wall, front[1], rear[1])
+def _walled(lens: Lens, wall: UprightWall | RuledWall) -> Part:
+    """Return a sound lens within a wall over an outline as a closed Part: front, rear, and an edge on every
+    piece of the outline."""
+    (front, bottom), (rear, top) = bounded_faces(lens, wall)
+    edges = wall_faces(wall, bottom, top)
     names = [f"edge {k + 1}" for k in range(len(edges))]
-    return closed_part(("front", "rear", *names), (front[0], rear[0], *edges))
+    return closed_part(("front", "rear", *names), (front, rear, *edges))
 
 
-def upright_faces(lens: Lens, wall: UprightWall) -> tuple[Bounded, Bounded]:
-    """Return front and rear, trimmed by an upright wall, normals outward."""
-    return upright_face(lens, 0, wall), upright_face(lens, 1, wall)
+def bounded_faces(lens: Lens, wall: UprightWall | RuledWall) -> tuple[Bounded, Bounded]:
+    """Return front and rear, trimmed by a wall over an outline, normals outward.
 
-
-def upright_face(lens: Lens, k: int, wall: UprightWall) -> Bounded:
-    """Return the front (k = 0) or the rear (k = 1), trimmed by an upright wall, its normal outward."""
-    height = _level(optical_forms(lens)[k], wall.pieces)
-    rims = outline_rims(lens, k, wall.pieces) if height is None else []
-    ring = wall.rim(rims) if height is None else wall.level(height)
-    return trimmed_face(lens, k, wall.pieces, rims, ring), ring
-
-
-def ruled_faces(lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
-    """Return front and rear, trimmed by their outlines, between which a wall is ruled, normals outward."""
+    A ruled wall stands between the outlines of front and rear.
+    """
+    if isinstance(wall, UprightWall):
+        return upright_face(lens, 0, wall), upright_face(lens, 1, wall)
     optical = []
     for k, pieces in enumerate(rim_pieces(lens)):
         rims = [(panel.kv_u, panel.coefficients[:, k]) for panel in wall.panels]
@@ -116,6 +93,18 @@ def ruled_faces(lens: Lens, wall: RuledWall) -> tuple[Bounded, Bounded]:
         optical.append((trimmed_face(lens, k, pieces, rims, ring), ring))
     front, rear = optical
     return front, rear
+
+
+def upright_face(lens: Lens, k: int, wall: UprightWall) -> Bounded:
+    """Return the front (k = 0) or the rear (k = 1), trimmed by an upright wall, its normal outward.
+
+    Rims on planes are lines and exact ellipses, round rims on conics exact circles; others are as
+    `outline_rims`.
+    """
+    height = _level(optical_forms(lens)[k], wall.pieces)
+    rims = outline_rims(lens, k, wall.pieces) if height is None else []
+    ring = wall.rim(rims) if height is None else wall.level(height)
+    return trimmed_face(lens, k, wall.pieces, rims, ring), ring
 
 
 def _level(surface: OpticalForm, pieces: Sequence[RimPiece]) -> float | None:
@@ -166,7 +155,7 @@ def lens_part(lens: Lens) -> Part:
     planar = lens.taper == UPRIGHT
     outline = require_sound(lens).rear.outline
     if not outline.is_rectangle:
-        return upright_part(lens, outline) if planar else ruled_part(lens)
+        return _walled(lens, UprightWall(outline.pieces) if planar else RuledWall.of(lens))
     return part_between(optical_forms(lens), None if planar else ruled_edges(lens))
 
 

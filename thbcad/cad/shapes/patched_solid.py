@@ -18,10 +18,11 @@ from thbcad.cad.shapes.topology import (
     NAMES,
     Part,
     closed_part,
-    edge_face,
     face_on,
     new_edge,
     new_vertex,
+    plane_edge_face,
+    ruled_edge_face,
     side_line,
     strut,
     turned,
@@ -38,6 +39,7 @@ from thbcad.lens import (
     require_sound,
     rim,
     rim_parameter,
+    ruled_edge,
 )
 from thbcad.sags import conic_graph
 from thbcad.splines import BSplineSurface, KnotVector
@@ -71,7 +73,10 @@ def patched_part(lens: Lens) -> Part:
             [edge.Reversed() for edge in reversed(rear)],
             [struts[side.start].Reversed()],
         ]
-        faces.append(edge_face(whole, side, chains, planar))
+        if planar:
+            faces.append(plane_edge_face(whole[0].coefficients[side.start], side, chains))
+        else:
+            faces.append(ruled_edge_face(ruled_edge(whole, side), side, chains))
     names = [f"{name} {k + 1}" for name, sheet in zip(NAMES, sheets) for k in range(len(sheet.faces))]
     return closed_part([*names, *NAMES[2:]], faces)
 

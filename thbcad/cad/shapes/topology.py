@@ -28,7 +28,7 @@ from OCP.TopoDS import (
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
 from thbcad.checks import Floats
-from thbcad.lens import SIDES, Side, Surfaces, rim_parameter, ruled_edge
+from thbcad.lens import SIDES, Side, rim_parameter
 from thbcad.outlines import fitted_curve
 from thbcad.splines import UNIT, BSplineSurface
 
@@ -176,26 +176,12 @@ def draw_on_plane(face: TopoDS_Face, edges: Sequence[TopoDS_Shape]) -> None:
             BUILDER.UpdateEdge(edge, drawn, face, TOLERANCE)
 
 
-def edge_face(
-    surfaces: Surfaces,
-    side: Side,
-    chains: Sequence[Sequence[TopoDS_Shape]],
-    planar: bool,
-) -> TopoDS_Face:
-    """Return the edge face of a side, its normal outward: a plane, or a ruled face.
-
-    chains : the edges along the front rim, the strut at its end, the rear rim (reversed) and the strut at its
-        start (reversed).
-    """
-    if planar:
-        return plane_edge_face(surfaces[0].coefficients[side.start], side, chains)
-    return ruled_edge_face(ruled_edge(surfaces, side), side, chains)
-
-
 def plane_edge_face(corner: Floats, side: Side, chains: Sequence[Sequence[TopoDS_Shape]]) -> TopoDS_Face:
-    """Return the plane between the rims of a lens whose front and rear have the same size, as `edge_face`.
+    """Return the plane between the rims of a lens whose front and rear have one size, its normal outward.
 
     corner : of the front, at the start of the side, (3,) float, mm
+    chains : the edges along the front rim, the strut at its end, the rear rim (reversed) and the strut at its
+        start (reversed).
     """
     normal = gp_Dir(0, -1, 0) if side.axis == 0 else gp_Dir(1, 0, 0)
     plane = Geom_Plane(gp_Pln(gp_Pnt(*corner.tolist()), normal))
@@ -208,7 +194,8 @@ def ruled_edge_face(
     chains: Sequence[Sequence[TopoDS_Shape]],
     rims: Sequence[Geom2d_Curve | None] = (None, None),
 ) -> TopoDS_Face:
-    """Return the ruled face between two rims, as `edge_face`; its second parameter runs from front to rear.
+    """Return the ruled face between two rims, its second parameter from front to rear; the rest is as of
+    `plane_edge_face`.
 
     ruled : as `ruled_edge`
     rims : the images of front and rear rim in its parameters; None where they have the parameter of `ruled`

@@ -27,9 +27,17 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from thbcad.cad.shapes.forms import Form, ruled_trace
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
-from thbcad.cad.shapes.topology import BUILDER, draw_on_plane, new_edge, new_vertex, new_wire, turned
+from thbcad.cad.shapes.topology import (
+    BUILDER,
+    draw_on_plane,
+    new_edge,
+    new_vertex,
+    new_wire,
+    turned,
+    turned_face,
+)
 from thbcad.checks import Floats
-from thbcad.lens import CORNERS, SIDES, Rim
+from thbcad.lens import CORNERS, SIDES, Lens, Rim, ruled_edges
 from thbcad.outlines import Arc, Line, RimPiece, fitted_curve, kinks
 from thbcad.splines import UNIT, BSplineSurface, KnotVector
 
@@ -99,7 +107,7 @@ def _panel(
             BUILDER.UpdateEdge(edge, image, face, TOLERANCE)
         for s, strut in zip(wall.ends[k], struts):
             BUILDER.UpdateEdge(strut, Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)), face, TOLERANCE)
-    return TopoDS.Face_s(face.Reversed()) if inward else face
+    return turned_face(face, inward)
 
 
 def plane_face(z: float, holes: Sequence[Ring], outer: Ring, upward: bool) -> TopoDS_Face:
@@ -111,7 +119,7 @@ def plane_face(z: float, holes: Sequence[Ring], outer: Ring, upward: bool) -> To
     for hole in holes:
         BUILDER.Add(face, new_wire([edge.Reversed() for edge in reversed(hole.edges)]))
     draw_on_plane(face, [*outer.edges, *(edge for hole in holes for edge in hole.edges)])
-    return face if upward else TopoDS.Face_s(face.Reversed())
+    return turned_face(face, not upward)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,14 +203,12 @@ class RuledWall:
     clockwise: Sequence[bool]
 
     @classmethod
-    def rectangular(cls, panels: Sequence[BSplineSurface]) -> RuledWall:
-        """Return the wall of the four edges of a rectangular lens; s is x or y in the rear's rectangle."""
-        return cls(panels, [side.clockwise for side in SIDES])
-
-    @classmethod
-    def round(cls, panels: Sequence[BSplineSurface]) -> RuledWall:
-        """Return the wall over the pieces of an outline."""
-        return cls(panels, [False] * len(panels))
+    def of(cls, lens: Lens) -> RuledWall:
+        """Return the wall of a lens whose front and rear differ in size; of a rectangular one s is x or y in
+        the rear's rectangle."""
+        panels = ruled_edges(lens)
+        rectangular = lens.rear.outline.is_rectangle
+        return cls(panels, [side.clockwise for side in SIDES] if rectangular else [False] * len(panels))
 
     @property
     def ends(self) -> Sequence[tuple[float, float]]:
