@@ -27,9 +27,10 @@ of points d apart, at most |z_uu| d^2 / 8 too great.  Chords over t add |v''| h^
 Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 14 (convex hull property).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -46,36 +47,44 @@ MOST_HEIGHTS = 20_000_000  # of a silhouette, some seconds
 Line = tuple[Floats, float]  # points (v, z), (n, 2), and the bound of their error
 
 
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """Heights z (n,) of an outline at increasing parameters v (n,), joined by chords.
-
-    bound : float, nowhere are the chords farther in z from the exact outline.
-    """
-
-    v: Floats
-    z: Floats
-    bound: float
-
-
-def lowest_outline(graph: BSplineSurface, chord: float) -> Outline:
-    """Return the Outline min over u of g(u, v), its chords at most `chord` from the exact one."""
+def lowest_outline(graph: BSplineSurface, chord: float) -> tuple[Floats, Floats, float]:
+    """Return parameters v (n,), the heights (n,) of the outline min over u of g(u, v) there, and the error in
+    z of its chords, at most `chord`."""
     bend = cell_bounds(graph, ((0, 2),))[0].max(axis=0)
     slack = chord / 8  # of the values on the lines
     parts = np.ceil(np.diff(graph.kv_v.breaks) * np.sqrt(bend / (4 * chord)))
     require_few(parts.sum(), chord)
-    v = subdivided(graph.kv_v.breaks, np.maximum(parts, 1).astype(np.int64))
-    z, u = lowest_points(graph, v, slack)
+    return _within(
+        chord,
+        subdivided(graph.kv_v.breaks, np.maximum(parts, 1).astype(np.int64)),
+        lambda lines: lowest_points(graph, lines, slack),
+        lambda *rows: slack + _chord_errors(graph, bend, *rows),
+    )
+
+
+def _within(
+    chord: float,
+    lines: Floats,
+    least: Callable[[Floats], tuple[Any, ...]],
+    errors: Callable[..., Floats],
+) -> tuple[Floats, Floats, float]:
+    """Return lines, the least heights on them, and the greatest error of the chords between: intervals are
+    halved until none is greater than `chord`.
+
+    least : from lines to the least heights there, and where they are
+    errors : from lines and what `least` returns to the errors of the intervals
+    """
+    rows: tuple[Any, ...] = (lines, *least(lines))
     while True:
-        error = slack + _chord_errors(graph, bend, v, z, u)
+        error = errors(*rows)
         failing = error > chord
         if not failing.any():
-            return Outline(v, z, float(error.max()))
-        middles = (v[:-1] + np.diff(v) / 2)[failing]
-        require_few(len(v) + len(middles), chord)
-        between, at = lowest_points(graph, middles, slack)
+            return rows[0], rows[1], float(error.max())
+        middles = (rows[0][:-1] + np.diff(rows[0]) / 2)[failing]
+        require_few(len(rows[0]) + len(middles), chord)
         where = np.flatnonzero(failing) + 1
-        v, z, u = (np.insert(row, where, new) for row, new in ((v, middles), (z, between), (u, at)))
+        pairs = zip(rows, (middles, *least(middles)))
+        rows = tuple(np.insert(row, where, new) for row, new in pairs)
 
 
 def require_few(lines: float, chord: float) -> None:
@@ -189,17 +198,9 @@ class GraphOverStrips:
 
     def _lowest(self, strip: Strip) -> Line:
         t = self._lines(strip, self.chord / 2)
-        z, number, s = self._least(strip, t)
-        while True:
-            errors = self._chord_errors(strip, t, z, number, s)
-            failing = errors > self.chord
-            if not failing.any():
-                return np.column_stack([strip.at(t)[0], z]), float(errors.max())
-            middles = (t[:-1] + np.diff(t) / 2)[failing]
-            require_few(len(t) + len(middles), self.chord)
-            where = np.flatnonzero(failing) + 1
-            rows = zip((t, z, number, s), (middles, *self._least(strip, middles)))
-            t, z, number, s = (np.insert(row, where, new) for row, new in rows)
+        least, errors = partial(self._least, strip), partial(self._chord_errors, strip)
+        t, z, bound = _within(self.chord, t, least, errors)
+        return np.column_stack([strip.at(t)[0], z]), bound
 
     def _chord_errors(self, strip: Strip, t: Floats, z: Floats, number: Integers, s: Floats) -> Floats:
         """Return slack + M h^2 / 8 + a b / (a + b) + |v''| h^2 / 8 of every interval."""

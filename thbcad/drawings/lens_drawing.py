@@ -76,7 +76,7 @@ def lens_sheet(
         marks += [*panel.marks(), *_apertures(panel, placed, chord)]
     marks += [*_captions(placed), *_hatched(placed)]
     marks += [*_axes(placed, cut.planes if cut else (0.0, 0.0)), *_sizes(lens, cut, placed)]
-    marks += _cut_thicknesses(cut, placed) if cut else _thicknesses(lens, placed)
+    marks += _thicknesses(lens, cut, placed)
     strokes = tuple(mark for mark in marks if isinstance(mark, Stroke))
     labels = tuple(mark for mark in marks if isinstance(mark, Label))
     return Sheet(product.name, size, scale, bound, tuple(placed), strokes, labels)
@@ -204,54 +204,43 @@ def _width_and_height(one: PlacedView, shape: Shape) -> Marks:
     return marks
 
 
-def _cut_thicknesses(cut: CutLens, placed: list[PlacedView]) -> Marks:
+def _thicknesses(lens: Lens, cut: CutLens | None, placed: list[PlacedView]) -> Marks:
     """Return the thickness on the axis, where the lens has one, at the upper edge of the section across x,
     and over all; of a flange its thickness, and where it begins behind the front vertex."""
     section, side = placed[2], placed[1]
     front, rear = (curve.points for curve in section.view.curves[-4:-2])
     marks: Marks = []
     (_, bottom), (_, top) = section.frame
-    if cut.planes[0] == 0 and any(low <= 0 <= high for low, high in intervals(cut.shape, 0, 0.0)):
-        marks += _along_axis(cut.lens, section, bottom - LEVEL)
+    if cut is None or _has_axis(cut):
+        ends = np.array([(float(lens.front(0, 0)), 0.0), (lens.thickness + float(lens.rear(0, 0)), 0.0)])
+        marks += _between(section, ends[0], ends[1], bottom - LEVEL)
     marks += _between(section, front[-1], rear[-1], top + LEVEL)
-    (_, bottom), (_, top) = side.frame
+    (left, bottom), (right, top) = side.frame
     low, high = side.view.box()
-    if cut.flange is None:
+    if cut is None:
+        ends = np.array([(left, bottom), (right, bottom)])
+        lowest, highest = (value_range(graph)[k].value for k, graph in enumerate(lens.graphs()))
+        marks += dimension(ends, bottom - LEVEL, 0, number(lens.thickness + highest - lowest))
+    elif cut.flange is None:
         marks += _between(side, low, np.array([high[0], low[1]]), bottom - LEVEL)
     else:
         marks += _between(side, np.array([low[0], high[1]]), high, top + 2 * LEVEL)
         begin, end = (np.array([z, high[1]]) for z in (cut.flange.low, cut.flange.high))
         marks += _between(side, begin, end, top + LEVEL)
-        vertex = np.array([float(cut.lens.front(0, 0)), -high[1]])
+        vertex = np.array([float(lens.front(0, 0)), -high[1]])
         marks += _between(side, vertex, begin * [1, -1], bottom - LEVEL)
     return marks
 
 
-def _along_axis(lens: Lens, section: PlacedView, level: float) -> Marks:
-    """Return the thickness on the optical axis."""
-    heights = [float(lens.front(0, 0)), lens.thickness + float(lens.rear(0, 0))]
-    ends = [np.array([z, 0.0]) for z in heights]
-    return _between(section, ends[0], ends[1], level)
+def _has_axis(cut: CutLens) -> bool:
+    """Return whether the section across x shows the optical axis within the lens."""
+    return cut.planes[0] == 0 and any(low <= 0 <= high for low, high in intervals(cut.shape, 0, 0.0))
 
 
 def _between(one: PlacedView, start: Floats, stop: Floats, level: float) -> Marks:
     """Return the dimension along z between two points (z, y) of a view, mm; level : on the paper."""
     ends = np.array([one.at(point) for point in (start, stop)])
     return dimension(ends, level, 0, number(abs(float(stop[0] - start[0]))))
-
-
-def _thicknesses(lens: Lens, placed: list[PlacedView]) -> Marks:
-    """Return the thickness at the vertex and at the edge of the section x = 0, and of the whole lens."""
-    section, side = placed[2], placed[1]
-    front, rear = (curve.points for curve in section.view.curves[:2])
-    marks: Marks = []
-    (_, bottom), (_, top) = section.frame
-    marks += _along_axis(lens, section, bottom - LEVEL)
-    marks += _between(section, front[-1], rear[-1], top + LEVEL)
-    (left, bottom), (right, _) = side.frame
-    ends = np.array([(left, bottom), (right, bottom)])
-    lowest, highest = (value_range(graph)[k].value for k, graph in enumerate(lens.graphs()))
-    return [*marks, *dimension(ends, bottom - LEVEL, 0, number(lens.thickness + highest - lowest))]
 
 
 def strokes_of_views(sheet: Sheet) -> list[tuple[PlacedView, str, Stroke]]:

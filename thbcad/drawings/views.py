@@ -129,10 +129,10 @@ def _outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
     pieces = []
     for name, graph, vertex in turned_graphs(lens, along):
         for sign in (1, -1):
-            outline = lowest_outline(scaled(graph, sign), chord)
-            line = np.column_stack([outline.v, vertex + sign * outline.z])
+            v, z, bound = lowest_outline(scaled(graph, sign), chord)
+            line = np.column_stack([v, vertex + sign * z])
             shown = (name == "front") == (sign == 1)
-            pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, outline.bound))
+            pieces.append((name, line, Style.OUTLINE if shown else Style.HIDDEN, bound))
     return pieces
 
 
@@ -149,17 +149,16 @@ def _edge_outlines(lens: Lens, along: int, chord: float) -> list[Piece]:
         edge = BSplineSurface(net.kv_u, net.kv_v, net.coefficients[..., 2])
         low = lowest_outline(edge, chord)
         high = lowest_outline(scaled(edge, -1), chord)
+        least, greatest, bound = low[1], -high[1], max(low[2], high[2])
         if widths[0] == widths[1]:
-            z = np.array([low.z[0], -high.z[-1]])
-            line = np.column_stack([np.full(2, sign * widths[0]), z])
-            pieces.append(("edge", line, Style.OUTLINE, max(low.bound, high.bound)))
+            line = np.column_stack([np.full(2, sign * widths[0]), [least[0], greatest[-1]]])
+            pieces.append(("edge", line, Style.OUTLINE, bound))
             continue
-        chosen, z = (low, low.z) if widths[0] < widths[1] else (high, -high.z)
-        position = sign * ((1 - chosen.v) * widths[0] + chosen.v * widths[1])
-        pieces.append(("edge", np.column_stack([position, z]), Style.OUTLINE, chosen.bound))
-        bound = max(low.bound, high.bound)
-        for v, width in enumerate(widths):  # both rims are seen edge-on too, the narrower through the glass
-            line = np.array([[sign * width, low.z[-v]], [sign * width, -high.z[-v]]])
+        (v, _, own), z = (low, least) if widths[0] < widths[1] else (high, greatest)
+        position = sign * ((1 - v) * widths[0] + v * widths[1])
+        pieces.append(("edge", np.column_stack([position, z]), Style.OUTLINE, own))
+        for k, width in enumerate(widths):  # both rims are seen edge-on too, the narrower through the glass
+            line = np.array([[sign * width, least[-k]], [sign * width, greatest[-k]]])
             pieces.append(("edge", line, Style.OUTLINE if width == max(widths) else Style.HIDDEN, bound))
     return pieces
 
