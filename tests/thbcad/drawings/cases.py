@@ -1,6 +1,7 @@
 """Lenses to draw: plano-concave, wavy, of different sizes, and one of conics."""
 
 import numpy as np
+import pytest
 
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -35,6 +36,21 @@ def outlined(lens, share, scale=(1.0, 1.0)):
         )
     )
     return Lens(*surfaces, lens.thickness, lens.index)
+
+
+def area_of(line):
+    """The area within a closed line (n, 2)."""
+    x, y = line.T
+    return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def assert_section_area(lines, mesh, across, at, off):
+    """Closed lines hold the area in which a plane x (across 0) or y (1) = at cuts a mesh, `off` mm beside."""
+    normal = np.eye(3)[across]
+    section = mesh.section(plane_origin=normal * (at + 1e-9), plane_normal=normal)  # beside its vertices
+    by_trimesh = sum(area_of(np.delete(loop, across, axis=1)) for loop in section.discrete)
+    length = sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in lines)
+    assert by_trimesh == pytest.approx(sum(map(area_of, lines)), abs=off * length)
 
 
 def height_line(view, points):

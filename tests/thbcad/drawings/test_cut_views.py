@@ -4,7 +4,7 @@ trimesh cuts the same body."""
 import numpy as np
 import pytest
 
-from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER, height_line
+from tests.thbcad.drawings.cases import BALL, PLAIN, WAVY, WIDER, assert_section_area, height_line
 from thbcad import Product, body_mesh, to_trimesh
 from thbcad.drawings import drawing_bytes, lens_sheet
 from thbcad.drawings.curves import Style
@@ -83,20 +83,14 @@ def test_a_section_has_the_area_that_trimesh_cuts(lens, body, across):
     cut = cut_of(lens, body)
     view = cut_section(cut, across, cut.planes[across], CHORD)
     assert view.bound <= CHORD
-    area, length = 0.0, 0.0
+    lines = []
     for k in range(0, len(view.curves), 4):
         front, rear, start, stop = (curve.points for curve in view.curves[k : k + 4])
         assert (front[[0, -1]] == [start[0], stop[0]]).all()
         assert (rear[[0, -1]] == [start[-1], stop[-1]]).all()
-        x, y = np.concatenate([front, stop, rear[::-1], start[::-1]]).T
-        area += abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-        length += np.hypot(np.diff(x), np.diff(y)).sum()
+        lines.append(np.concatenate([front, stop, rear[::-1], start[::-1]]))
     mesh = to_trimesh(body_mesh(lens, CHORD, **body))
-    at = cut.planes[across] + 1e-9  # beside the vertices of the mesh
-    section = mesh.section(plane_origin=np.eye(3)[across] * at, plane_normal=np.eye(3)[across])
-    loops = (np.delete(loop, across, axis=1).T for loop in section.discrete)
-    by_trimesh = sum(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in loops)
-    assert by_trimesh == pytest.approx(area, abs=2 * CHORD * length)
+    assert_section_area(lines, mesh, across, cut.planes[across], 2 * CHORD)
 
 
 @pytest.mark.every(3)

@@ -43,7 +43,10 @@ def test_the_sheet_says_what_the_lens_measures():
     said = texts(sheet)
     middle = 5.0 + WIDER.rear(0, 0) - WIDER.front(0, 0)
     edge = 5.0 + WIDER.rear(0, 7) - WIDER.front(0, 4)
-    assert {"16", "14", "10", "8", f"{middle:.4f}".rstrip("0"), f"{edge:.4f}".rstrip("0")} <= set(said)
+    assert {"16", "14", "10", "8", f"{edge:.4f}".rstrip("0")} <= set(said)
+    # the distance of the vertices of the base surfaces is none of the part, where a sag moves them
+    assert said.count(f"{middle:.4f}".rstrip("0")) == 1
+    assert not any("apart" in text for text in said)
     x, y = (np.linspace(-h, h, 401) for h in WIDER.rear.half_width)
     low = WIDER.front.grid(x[abs(x) <= 5], y[abs(y) <= 4]).min()
     assert float(said[-1]) == pytest.approx(5.0 + WIDER.rear.grid(x, y).max() - low, abs=2e-4)
@@ -249,14 +252,6 @@ def test_every_corner_lies_in_each_view_where_its_projection_is(lens):
             z = [float(lens.front(x, y)), lens.thickness + float(lens.rear(x, y))]
             wanted = one.origin[level] + sign * sheet.scale * np.array(z)
             np.testing.assert_allclose(np.sort(edge[:, level]), np.sort(wanted), atol=1e-9)
-
-
-def test_the_sheet_states_one_thickness_on_the_axis():
-    """The distance of the vertices of the base surfaces is none of the part, where a sag moves them."""
-    thickness = WIDER.thickness + WIDER.rear(0, 0) - WIDER.front(0, 0)
-    said = [label.text for label in lens_sheet(WIDER).labels]
-    assert said.count(f"{thickness:.4f}".rstrip("0")) == 1
-    assert not any("apart" in text for text in said)
 
 
 @pytest.mark.parametrize("flange", [None, Flange(2.0, 0.5, 1.0)], ids=["bare", "with a flange"])

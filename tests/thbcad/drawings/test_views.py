@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from tests.cases import examples
 from tests.thbcad.cases import random_knot_vector, seeds
-from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, height_line, outlined
+from tests.thbcad.drawings.cases import LENSES, PLAIN, WAVY, WIDER, assert_section_area, height_line, outlined
 from thbcad import body_mesh, to_trimesh
 from thbcad.drawings import lens_sheet, plan_view, section_view, side_view
 from thbcad.drawings.curves import Style
@@ -176,15 +176,8 @@ def test_a_section_of_a_lens_with_an_outline_has_the_area_that_trimesh_cuts(lens
     view, across = section_view(lens, axis, at, CHORD), "xy".index(axis)
     assert view.bound <= CHORD
     front, rear, start, stop = (height_line(view, curve.points) for curve in view.curves)
-    x, y = np.concatenate([front, stop, rear[::-1], start[::-1]]).T
-    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-    length = np.hypot(np.diff(x), np.diff(y)).sum()
-    mesh = to_trimesh(body_mesh(lens, 4 * CHORD))
-    normal = np.eye(3)[across]
-    section = mesh.section(plane_origin=normal * (at + 1e-9), plane_normal=normal)
-    loops = (np.delete(loop, across, axis=1).T for loop in section.discrete)
-    by_trimesh = sum(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in loops)
-    assert by_trimesh == pytest.approx(area, abs=5 * CHORD * length)
+    line = np.concatenate([front, stop, rear[::-1], start[::-1]])
+    assert_section_area([line], to_trimesh(body_mesh(lens, 4 * CHORD)), across, at, 5 * CHORD)
 
 
 @pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)

@@ -68,19 +68,23 @@ def samples(mesh, face, count=2000):
     return np.einsum("kc,kcd->kd", weights, corners[rng.integers(len(corners), size=count)])
 
 
+def assert_a_mesh_of(lens, mesh, volume, chord=CHORD):
+    """One closed body of this volume, front and rear within the chord error that the mesh states."""
+    made = to_trimesh(mesh)
+    assert mesh.chord <= chord
+    assert (made.is_watertight, made.is_winding_consistent) == (True, True)
+    assert (made.body_count, made.euler_number) == (1, 2)
+    assert abs(made.volume - volume) <= mesh.chord * made.area
+    for face in (0, 1):
+        assert np.abs(heights(lens, samples(mesh, face), face)).max() <= mesh.chord
+
+
 @pytest.mark.parametrize(("lens", "aperture", "flange"), BODIES.values(), ids=BODIES)
 @pytest.mark.parametrize("single", [False, True])
 def test_a_body_is_closed_and_within_its_chord(lens, aperture, flange, single):
     mesh = body_mesh(lens, CHORD, aperture, flange, single)
-    made = to_trimesh(mesh)
-    assert mesh.chord <= CHORD
-    assert (made.is_watertight, made.is_winding_consistent, made.body_count) == (True, True, 1)
-    assert made.euler_number == 2
     volume = flanged_volume(lens, flange, aperture) if flange else aperture_volume(lens, aperture)
-    assert abs(made.volume - volume) <= mesh.chord * made.area
-    for face in (0, 1):
-        points = samples(mesh, face)
-        assert np.abs(heights(lens, points, face)).max() <= mesh.chord
+    assert_a_mesh_of(lens, mesh, volume)
     assert (mesh.vertices == mesh.vertices.astype(np.float32)).all() or not single
     assert mesh.faces.max() == len(mesh.names) - 1
 
@@ -97,12 +101,7 @@ def test_a_lens_within_an_ellipse_has_the_mesh_of_that_aperture(lens):
 def test_a_lens_within_an_outline_is_closed_and_within_its_chord(share, scale):
     lens, chord = outlined(WAVY, share, scale), 4 * CHORD
     mesh = body_mesh(lens, chord)
-    made = to_trimesh(mesh)
-    assert mesh.chord <= chord
-    assert (made.is_watertight, made.is_winding_consistent, made.euler_number) == (True, True, 2)
-    assert abs(made.volume - lens.volume()) <= mesh.chord * made.area
-    for face in (0, 1):
-        assert np.abs(heights(lens, samples(mesh, face), face)).max() <= mesh.chord
+    assert_a_mesh_of(lens, mesh, lens.volume(), chord)
     places, normals = zip(*map(points_and_normals, ruled_edges(lens)))
     walls = np.concatenate([samples(mesh, face) for face in range(2, 6)])
     # the nearest of points about 0.05 mm apart, on edges whose curvature is at most 2 / mm
@@ -171,12 +170,7 @@ def test_any_ellipse_keeps_any_chord(a, b, chord):
 )
 def test_a_lens_cut_to_a_polygon_is_closed_and_within_its_chord(corners, lens, single):
     mesh = body_mesh(lens, CHORD, single=single, polygon=corners)
-    made = to_trimesh(mesh)
-    assert mesh.chord <= CHORD
-    assert (made.is_watertight, made.is_winding_consistent, made.euler_number) == (True, True, 2)
-    assert abs(made.volume - polygon_volume(lens, corners)) <= mesh.chord * made.area
-    for face in (0, 1):
-        assert np.abs(heights(lens, samples(mesh, face), face)).max() <= mesh.chord
+    assert_a_mesh_of(lens, mesh, polygon_volume(lens, corners))
     sides = Polygon(tuple(map(tuple, np.array(corners).tolist()))).sides
     for k, (start, stop) in enumerate(sides):
         assert mesh.names[2 + k] == f"edge {k + 1}"
