@@ -6,7 +6,7 @@ from hypothesis import reject, strategies as st
 from scipy.interpolate import NdBSpline
 
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens, require_sound
+from thbcad.lens import FreeformSurface, Lens, optical_forms, require_sound
 from thbcad.sags import Conic, PlacedConic
 from thbcad.splines import KnotVector, NURBSSurface
 from thbcad.surfaces import THBSurface
@@ -246,6 +246,12 @@ def assert_same_surface(a, b):
     assert a.coefficients.shape == b.coefficients.shape
     # 0.0 and -0.0 are the same place
     assert bits(a.coefficients + 0.0) == bits(b.coefficients + 0.0)
+
+
+def assert_holds(read, lens):
+    """A file of a solid holds every number of front and rear."""
+    for face, own in zip((read.front, read.rear), optical_forms(lens), strict=True):
+        assert_same_surface(face, own)
 
 
 @st.composite

@@ -7,24 +7,42 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeCone,
     BRepPrimAPI_MakeCylinder,
     BRepPrimAPI_MakeSphere,
+    BRepPrimAPI_MakeTorus,
 )
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
+from thbcad.cad.exchange import step_bytes
+from thbcad.io import brep_of_text
 
-def written(shape, path, unit="MM"):
-    """Write a shape in a unit of OCCT's and return the path."""
+
+def written(shape, path, unit="MM", schema="AP214IS"):
+    """Write a shape by OCCT's plain writer, without names, and return the path."""
     STEPControl_Writer()  # OCCT's settings exist only once a writer has been made
-    before = Interface_Static.CVal_s("write.step.unit")
-    Interface_Static.SetCVal_s("write.step.unit", unit)
+    settings = {"write.step.unit": unit, "write.step.schema": schema}
+    before = {name: Interface_Static.CVal_s(name) for name in settings}
     try:
+        for name, value in settings.items():
+            Interface_Static.SetCVal_s(name, value)
         writer = STEPControl_Writer()
         writer.Transfer(shape, STEPControl_AsIs)
         writer.Write(str(path))
     finally:
-        Interface_Static.SetCVal_s("write.step.unit", before)
+        for name, value in before.items():
+            Interface_Static.SetCVal_s(name, value)
     return path
+
+
+def solid_of(lens):
+    """Return what the text of a lens's STEP file holds."""
+    return brep_of_text(step_bytes(lens).decode())
+
+
+def rational_torus(path):
+    """Write a quarter of a torus as NURBS, complex entities with weights, and return the path."""
+    torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
+    return written(BRepBuilderAPI_NurbsConvert(torus, True).Shape(), path)
 
 
 def turned_at_random(shape):

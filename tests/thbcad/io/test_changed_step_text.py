@@ -9,15 +9,11 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
 from tests.thbcad.cases import LENSES
 from tests.thbcad.io.cases import written
 from thbcad.cad.exchange import step_bytes
-from thbcad.io.step_brep import brep, brep_of_text
-from thbcad.io.step_text import REAL, entities_of_text
+from thbcad.io.step_brep import brep_of_text
+from thbcad.io.step_text import REAL
 
 TABLE63 = step_bytes(LENSES["table63"]).decode()
 PLANO = step_bytes(LENSES["plano"]).decode()
-
-
-def solid_of(text):
-    return brep(entities_of_text(text))
 
 
 def changed(pattern, replacement, text=TABLE63):
@@ -61,7 +57,7 @@ def changed(pattern, replacement, text=TABLE63):
 )
 def test_damage_is_named(pattern, replacement, sentence):
     with pytest.raises(ValueError, match=sentence):
-        solid_of(changed(pattern, replacement))
+        brep_of_text(changed(pattern, replacement))
 
 
 @pytest.mark.parametrize(
@@ -98,19 +94,19 @@ def test_a_spline_without_poles_is_refused(spline):
 def test_a_face_missing_leaves_four_unpaired_edges(which):
     shell = re.search(r"CLOSED_SHELL\('',\(([^)]*)\)", TABLE63)[1]
     rest = ",".join(f for k, f in enumerate(shell.split(",")) if k != which)
-    solid = solid_of(TABLE63.replace(shell, rest))
+    solid = brep_of_text(TABLE63.replace(shell, rest))
     assert (len(solid.faces), solid.unpaired) == (5, 4)
 
 
 def test_a_face_turned_round_leaves_four_unpaired_edges():
-    assert solid_of(changed(r"(FACE_BOUND\('',#\d+,)\.F\.", r"\g<1>.T.")).unpaired == 4
+    assert brep_of_text(changed(r"(FACE_BOUND\('',#\d+,)\.F\.", r"\g<1>.T.")).unpaired == 4
 
 
 @pytest.mark.parametrize("text", [TABLE63, PLANO], ids=["ruled", "planar"])
 def test_loops_run_around_their_faces(text):
     """Along its curve or against it, every edge begins where the one before ends; normals point out of the
     solid."""
-    solid = solid_of(text)
+    solid = brep_of_text(text)
     edges = {edge.number: edge.ends for edge in solid.edges}
     middle = np.mean(list(edges.values()), axis=(0, 1))
     for face in solid.faces:
@@ -128,12 +124,12 @@ def test_loops_run_around_their_faces(text):
 
 
 def test_edges_in_another_order_leave_gaps():
-    solid = solid_of(changed(r"(EDGE_LOOP\('',\()(#\d+),(#\d+)", r"\g<1>\g<3>,\g<2>"))
+    solid = brep_of_text(changed(r"(EDGE_LOOP\('',\()(#\d+),(#\d+)", r"\g<1>\g<3>,\g<2>"))
     assert (solid.unpaired, solid.gaps) == (0, 3)
 
 
 def test_a_pole_moved_by_its_last_digit_is_seen():
-    good = brep(entities_of_text(TABLE63)).faces[1].surface
+    good = brep_of_text(TABLE63).faces[1].surface
     pole = good.coefficients[1, 2]
     moved = np.nextafter(pole[2], np.inf)
     points = re.finditer(rf"CARTESIAN_POINT\('',\(({REAL}),\s*({REAL}),\s*({REAL})", TABLE63)
@@ -141,6 +137,6 @@ def test_a_pole_moved_by_its_last_digit_is_seen():
     assert len(places) == 1
     start, stop = places[0].span(3)
     text = TABLE63[:start] + f"{moved:#.17G}" + TABLE63[stop:]
-    read = brep(entities_of_text(text)).faces[1].surface
+    read = brep_of_text(text).faces[1].surface
     assert read.coefficients[1, 2, 2] == moved
     assert (read.coefficients != good.coefficients).sum() == 1

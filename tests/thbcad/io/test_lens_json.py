@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 
 from tests.cases import ROOT
-from tests.thbcad.cases import AWKWARD, lenses
+from tests.thbcad.cases import AWKWARD, bits, lenses
 from thbcad.hierarchy import THBSpace
 from thbcad.io import atomic_files as files
 from thbcad.io.lens_json import (
@@ -45,10 +45,6 @@ DIM = example().rear.sag.space.dim
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "lens.json"
-
-
-def bits(x):
-    return np.asarray(x, dtype=np.float64).tobytes()
 
 
 def assert_same(a, b):

@@ -15,8 +15,8 @@ from OCP.BRepPrimAPI import (
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
 from tests.thbcad.cases import LENSES
-from tests.thbcad.io.cases import SOLIDS, turned_at_random, written
-from thbcad.cad.exchange import part_step, step_bytes
+from tests.thbcad.io.cases import SOLIDS, solid_of, turned_at_random, written
+from thbcad.cad.exchange import part_step
 from thbcad.cad.shapes import flanged_part, patched_part, trimmed_part
 from thbcad.io.parameter_curves import image_distance, turned_faces
 from thbcad.io.step_brep import brep_of_text, parse_brep
@@ -36,15 +36,11 @@ PARABOLOIDS = Lens(
 OF = {"parts of edges": "ruled"}  # other lenses are freeform
 
 
-def of(lens):
-    return brep_of_text(step_bytes(lens).decode())
-
-
 @pytest.mark.parametrize("name", LENSES)
 def test_the_edges_of_every_lens_are_their_images(name):
     """But for the rounding of poles and knots, of some 10 mm."""
     lens = LENSES[name]
-    distance, left = image_distance(of(lens))
+    distance, left = image_distance(solid_of(lens))
     exact = all(isinstance(form, BSplineSurface) or form.kind == "PLANE" for form in optical_forms(lens))
     # images on spheres, patches and of their rims are splines within 1e-9 mm
     assert distance <= (1e-14 if exact else 1e-9)
@@ -117,7 +113,7 @@ def changed(solid, **fields):
 @pytest.mark.parametrize("name", ["plano", "table63"])
 def test_the_distance_of_a_moved_image_is_that_in_space(name):
     """The front is a plane over x and y; or over 8 / 5 of them, and its slope at the rim is 1."""
-    solid = of(LENSES[name])
+    solid = solid_of(LENSES[name])
     poles = solid.edges[low_edge(solid)].images[0].poles
     factor = np.sqrt(2) * 5 / 8 if name == "table63" else 1.0
     distance, _ = image_distance(changed(solid, poles=poles + np.array([0.0, 1e-3])))
@@ -125,7 +121,7 @@ def test_the_distance_of_a_moved_image_is_that_in_space(name):
 
 
 def test_an_image_beside_its_face_or_its_edge_is_infinitely_far():
-    solid = of(PARABOLOIDS)
+    solid = solid_of(PARABOLOIDS)
     poles = solid.edges[low_edge(solid)].images[0].poles
     rear = solid.faces[1].carrier
     short = KnotVector.uniform(1, 1, -9.0, 10.0)
@@ -140,7 +136,7 @@ def test_an_image_beside_its_face_or_its_edge_is_infinitely_far():
 
 def test_a_vector_beyond_float64_is_infinitely_far():
     """Differences with it are not numbers, which no maximum shows."""
-    solid = of(LENSES["plano"])
+    solid = solid_of(LENSES["plano"])
     poles = solid.edges[low_edge(solid)].images[0].poles
     endless = poles[0] + np.array([[0.0, 0.0], [0.0, np.inf]])
     with np.errstate(invalid="ignore"):
@@ -148,7 +144,7 @@ def test_a_vector_beyond_float64_is_infinitely_far():
 
 
 def test_a_curve_beyond_float64_is_infinitely_far_from_its_ends():
-    solid = of(LENSES["plano"])
+    solid = solid_of(LENSES["plano"])
     edges, place = list(solid.edges), low_edge(solid)
     along = np.diff(edges[place].ends, axis=0)[0]
     placement = np.array([[0.0, 0.0, 0.0], np.cross([0.0, 1.0, 0.0], along), [0.0, 1.0, 0.0]])
@@ -159,7 +155,7 @@ def test_a_curve_beyond_float64_is_infinitely_far_from_its_ends():
 
 
 def test_curves_that_are_not_compared_are_counted():
-    solid = of(LENSES["plano"])
+    solid = solid_of(LENSES["plano"])
     distance, left = image_distance(changed(solid, poles=None))
     assert distance <= 1e-14
     assert left == ("1 images of edges that are neither lines, splines nor conics",)
@@ -168,7 +164,7 @@ def test_curves_that_are_not_compared_are_counted():
 @pytest.mark.parametrize("which", range(6))
 @pytest.mark.parametrize("name", ["plano", "table63"])
 def test_a_turned_face_is_counted(name, which):
-    solid = of(LENSES[name])
+    solid = solid_of(LENSES[name])
     faces = list(solid.faces)
     faces[which] = replace(faces[which], outward=not faces[which].outward)
     assert turned_faces(solid) == 0

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.thbcad.cad.shapes.cases import CASES, same_bits
+from tests.thbcad.cad.shapes.cases import CASES, assert_whole, same_bits
 from thbcad.cad.exchange import SolidState, optical_form
 from thbcad.cad.shapes import insert_part
 from thbcad.lens import (
@@ -18,6 +18,7 @@ from thbcad.lens import (
     require_sound,
 )
 from thbcad.moulds import Insert, Plate, enlarged, shrinkage_factors
+from thbcad.outlines import Outline, Polygon
 from thbcad.sags import Conic, PlacedConic
 
 FLAT = FreeformSurface((5.0, 4.0))
@@ -83,12 +84,34 @@ def test_an_insert_is_sound_and_has_the_poles_of_the_lens(name, number):
     insert = Insert.of(lens, ("front", "rear")[number])
     part = insert_part(insert)
     state = SolidState(part.solid)
-    assert (state.valid, state.closed, state.free_edges) == (True, True, 0)
-    assert state.tolerance <= 1e-7
+    assert_whole(state, 2 + len(insert.shape.pieces))
     assert state.volume == pytest.approx(insert.volume(), rel=1e-6)
     assert same_bits(optical_form(part.faces[0]), optical_forms(lens)[number])
-    assert len(part.faces) == 2 + len(insert.shape.pieces)
     assert optical_places(Product(sides=MIRROR_SIDES).named(part.names)) is None  # its back is no mirror's
+
+
+ROUND = (10.0, 10.0)
+BOWL = Lens(
+    FreeformSurface(ROUND, Conic(-30.0, -1.0), None, ROUND), FreeformSurface(ROUND, corners=ROUND), 5.0, 1.5
+)
+
+
+@pytest.mark.parametrize(
+    ("shape", "reach"),
+    [
+        (None, 10.0),
+        (Outline((3.0, 3.0), (3.0, 3.0)), 3.0),
+        (Polygon(((-3.0, -3.0), (3.0, -3.0), (0.0, 3.0))), 10.0),  # a bound, of the whole disk
+    ],
+    ids=["disk", "aperture", "polygon"],
+)
+def test_the_back_is_as_far_from_the_rim_as_the_lens_is_thick(shape, reach):
+    """The paraboloid reaches -r^2 / 60 on a disk; the corners of its square, no lens, twice as far."""
+    rim = -(reach**2) / 60
+    assert Insert.of(BOWL, "front", None, shape).back == pytest.approx(rim - 5.0, abs=1e-6)
+    assert Insert.of(BOWL, "front", rim - 0.01, shape).back == rim - 0.01
+    with pytest.raises(ValueError, match="must lie below z = "):
+        Insert.of(BOWL, "front", rim + 0.01, shape)
 
 
 def test_an_insert_is_that_of_front_or_rear():

@@ -5,11 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeTorus
 
 from tests.thbcad.cases import LENSES, assert_same_surface
-from tests.thbcad.io.cases import written
+from tests.thbcad.io.cases import rational_torus
 from thbcad.cad import read_faces, read_step
 from thbcad.cad.exchange import step_bytes
 from thbcad.cad.exchange.reading import common_splines
@@ -62,8 +60,7 @@ def test_a_lens_of_complex_splines_without_weights_is_read_as_the_simple_ones_ar
 
 @pytest.mark.parametrize("seed", range(3))
 def test_weights_are_read_with_the_parts_in_any_order(seed, tmp_path):
-    torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
-    path = written(BRepBuilderAPI_NurbsConvert(torus, True).Shape(), tmp_path / "torus.step")
+    path = rational_torus(tmp_path / "torus.step")
     text = path.read_text()
     other = tmp_path / "other.step"
     order = shuffled(seed)
@@ -77,8 +74,7 @@ def test_weights_are_read_with_the_parts_in_any_order(seed, tmp_path):
 
 
 def test_a_file_that_occt_can_read_keeps_its_bytes(tmp_path):
-    torus = BRepPrimAPI_MakeTorus(10.0, 3.0, 0.5, 1.25, 1.5).Shape()
-    path = written(BRepBuilderAPI_NurbsConvert(torus, True).Shape(), tmp_path / "torus.step")
+    path = rational_torus(tmp_path / "torus.step")
     for data in (LENS.encode(), path.read_bytes()):
         assert common_splines(data) == data
 

@@ -10,17 +10,15 @@ import pytest
 from hypothesis import HealthCheck, given
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.BRepGProp import BRepGProp
-from OCP.GProp import GProp_GProps
 
 from tests.cases import examples, python
 from tests.thbcad.cad.exchange.cases import CURVES, REFINED, SURFACES, assert_same
+from tests.thbcad.cad.shapes.cases import same_bits
 from tests.thbcad.cases import LENSES, lenses
 from thbcad.cad.exchange.handover import GLASS, named_faces, to_build123d, to_cadquery
-from thbcad.cad.exchange.solid_file import optical_form
+from thbcad.cad.exchange.solid_file import optical_form, solid_volume
 from thbcad.cad.shapes import NAMES, lens_part, spline_surface
 from thbcad.lens import optical_forms
-from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector, circular_arc
 
 FLAT = ("plano", "freeform", "paraboloids", "sphere")  # edges are planes
@@ -40,22 +38,9 @@ def net(shape):
     return optical_form(shape.wrapped)
 
 
-def numbers(surface):
-    """Return what a file holds of a surface, in one row."""
-    if isinstance(surface, PlacedConic):
-        return surface.numbers
-    return np.concatenate([surface.coefficients.ravel(), surface.kv_u.knots, surface.kv_v.knots])
-
-
-def same_bits(surface, other):
-    return np.array_equal(numbers(surface), numbers(other))
-
-
-def volume(shape, tolerance=1e-6):
+def volume(shape):
     """Return OCCT's volume with an error control that the `volume` of both libraries lacks."""
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape.wrapped, properties, tolerance)
-    return properties.Mass()
+    return solid_volume(shape.wrapped, 1e-6)
 
 
 def block(lens, size):

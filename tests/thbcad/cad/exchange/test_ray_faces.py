@@ -1,4 +1,4 @@
-"""OCCT's intersections of rays and faces: against closed forms, and against the kernel's lens surfaces."""
+"""Nodes of faces, and OCCT's intersections of rays with them: against closed forms and the lens surfaces."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 
 from tests.thbcad.cases import LENSES
 from thbcad import write_step
-from thbcad.cad.exchange.face_points import face_hits, step_solid
+from thbcad.cad.exchange.face_points import face_hits, face_nodes, step_solid
 from thbcad.cad.shapes import lens_solid
+from thbcad.lens import optical_forms
+from thbcad.sags import PlacedConic
 
 ROUNDING = 1e-12  # mm: some hundred last digits of numbers up to 100
 
@@ -125,3 +127,26 @@ def test_a_damaged_file_does_not_reach_occt(tmp_path):
     path.write_bytes(path.read_bytes()[:3000])
     with pytest.raises(ValueError, match="not a whole STEP file"):
         face_hits(path, [[0, 0, -9]], [[0, 0, 1]])
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+@pytest.mark.parametrize(("number", "outward"), [(0, -1), (1, 1)], ids=["front", "rear"])
+def test_nodes_lie_on_the_surface_with_outward_normals(lens, number, outward):
+    surface = optical_forms(lens)[number]
+    if isinstance(surface, PlacedConic):
+        x, y = np.meshgrid(*(np.linspace(-h, h, 7) for h in surface.half_width), indexing="ij")
+        points = np.stack([x, y, surface(x, y) + 0 * x], axis=-1)
+        u, v = surface.parameters(points.reshape(-1, 3)).T.reshape(2, *x.shape)
+        one, zero = np.ones_like(x), np.zeros_like(x)
+        by_x, by_y = (surface.conic(x, y, d) + zero for d in ((1, 0), (0, 1)))
+        along = [np.stack(rows, axis=-1) for rows in ((one, zero, by_x), (zero, one, by_y))]
+    else:
+        u, v = (np.linspace(kv.start, kv.stop, n) for kv, n in ((surface.kv_u, 7), (surface.kv_v, 5)))
+        points = surface.grid(u, v)
+        along = [surface.grid(u, v, d) for d in ((1, 0), (0, 1))]
+    nodes = face_nodes(lens_solid(lens), number, u, v)
+    np.testing.assert_allclose(nodes.points, points, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(nodes.normals, axis=-1), 1, rtol=0, atol=1e-14)
+    for tangent in along:
+        np.testing.assert_allclose((nodes.normals * tangent).sum(axis=-1), 0, rtol=0, atol=1e-13)
+    assert (np.sign(nodes.normals[..., 2]) == outward).all()

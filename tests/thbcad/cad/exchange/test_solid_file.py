@@ -12,7 +12,6 @@ import pytest
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.IGESCAFControl import IGESCAFControl_Reader
-from OCP.Interface import Interface_Static
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Reader
 from OCP.TCollection import TCollection_ExtendedString
@@ -29,12 +28,13 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-from tests.thbcad.cases import LENSES, assert_same_surface
+from tests.thbcad.cad.shapes.cases import assert_whole
+from tests.thbcad.cases import LENSES, assert_holds, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, write_step
-from thbcad.cad.exchange.iges_brep_solids import brep_bytes, iges_bytes, read_brep, read_iges
-from thbcad.cad.exchange.occt_texts import silence
+from thbcad.cad.exchange.iges_brep_solids import iges_bytes, read_iges
+from thbcad.cad.exchange.occt_texts import occt_settings, silence
 from thbcad.cad.exchange.reading import explore
-from thbcad.cad.exchange.solid_file import SolidFile, solid_volume
+from thbcad.cad.exchange.solid_file import solid_volume
 from thbcad.cad.exchange.step import (
     SCHEMAS,
     part_step,
@@ -112,10 +112,8 @@ def opened(path, reader):
 def names_of_faces():
     """OCCT reads them only when told."""
     STEPCAFControl_Controller.Init_s()
-    before = Interface_Static.CVal_s("read.stepcaf.subshapes.name")
-    Interface_Static.SetCVal_s("read.stepcaf.subshapes.name", "1")
-    yield
-    Interface_Static.SetCVal_s("read.stepcaf.subshapes.name", before)
+    with occt_settings({"read.stepcaf.subshapes.name": "1"}):
+        yield
 
 
 # ---- every schema ----
@@ -136,11 +134,10 @@ def test_names_read_back(written):
 def test_the_solid_is_whole_and_bit_exact(written):
     _, path = written
     read = read_step(path)
-    assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, 6, 0, True, True)
+    assert_whole(read, 6)
     assert read.tolerance == 1e-7
     assert read.volume == pytest.approx(LENS.volume(), rel=1e-6)
-    for face, own in zip((read.front, read.rear), optical_forms(LENS)):
-        assert_same_surface(face, own)
+    assert_holds(read, LENS)
 
 
 def test_face_names_stand_at_their_faces(written):
@@ -305,28 +302,6 @@ def test_iges_has_names(tmp_path):
     assert name(solid) == "Linse f?r ??"
     read = read_iges(path)
     assert (read.valid, read.product, read.face_names) == (True, "", ("",) * 6)
-
-
-def test_all_formats_give_one_record(tmp_path):
-    for suffix, data, read in (
-        ("step", step_bytes, read_step),
-        ("igs", iges_bytes, read_iges),
-        ("brep", brep_bytes, read_brep),
-    ):
-        path = tmp_path / f"lens.{suffix}"
-        path.write_bytes(data(LENS))
-        found = read(path)
-        assert isinstance(found, SolidFile)
-        assert (found.solids, found.faces, found.free_edges, found.closed, found.valid) == (
-            1,
-            6,
-            0,
-            True,
-            True,
-        )
-        assert found.volume == pytest.approx(LENS.volume(), rel=1e-6)
-        for face, own in zip((found.front, found.rear), optical_forms(LENS)):
-            assert_same_surface(face, own)
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])

@@ -14,33 +14,16 @@ from hypothesis import example, given, strategies as st
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
-from OCP.Interface import Interface_Static
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
 from tests.cases import DATA, examples
 from tests.thbcad.drawings.cases import PLAIN, WAVY, WIDER
+from tests.thbcad.io.cases import written
 from thbcad import read_lens_solid, to_build123d
 from thbcad.cad.exchange import part_step
 from thbcad.cad.shapes import flanged_part, geom_surface, lens_part, patched_part, trimmed_part
 from thbcad.lens import Flange, Product, placed_surfaces
 
 TOLERANCE = 1e-6
-
-
-def written(path, shape, unit="MM", schema="AP214IS"):
-    """Write a shape by OCCT's plain writer, without names."""
-    writer = STEPControl_Writer()
-    before = {key: Interface_Static.CVal_s(key) for key in ("write.step.unit", "write.step.schema")}
-    try:
-        Interface_Static.SetCVal_s("write.step.unit", unit)
-        Interface_Static.SetCVal_s("write.step.schema", schema)
-        writer = STEPControl_Writer()
-        writer.Transfer(shape, STEPControl_AsIs)
-        writer.Write(str(path))
-    finally:
-        for key, value in before.items():
-            Interface_Static.SetCVal_s(key, value)
-    return path
 
 
 def heights_apart(lens, refit):
@@ -71,7 +54,7 @@ def is_wavy(found, tolerance=TOLERANCE):
 @pytest.mark.parametrize("schema", ["AP214IS", "AP203", "AP242DIS"])
 def test_units_and_schemas_do_not_matter(tmp_path, unit, name, size, schema):
     """OCCT's writer keeps the numbers of the shape and names another unit."""
-    found = read_lens_solid(written(tmp_path / "lens.step", lens_part(WAVY).solid, unit, schema))
+    found = read_lens_solid(written(lens_part(WAVY).solid, tmp_path / "lens.step", unit, schema))
     assert found.unit == name
     assert found.rear.half_width == pytest.approx([5 * size, 4 * size], rel=1e-12)
     x = np.linspace(-5, 5, 11)
@@ -92,7 +75,7 @@ def test_units_and_schemas_do_not_matter(tmp_path, unit, name, size, schema):
 )
 def test_the_unit_is_that_of_the_context_or_unknown(tmp_path, before, after, unit):
     """OCCT names a context 'Context #1', which refers to nothing."""
-    path = written(tmp_path / "lens.step", lens_part(PLAIN).solid)
+    path = written(lens_part(PLAIN).solid, tmp_path / "lens.step")
     text, count = re.subn(before, after, path.read_text())
     assert count
     assert "'Context #1'" in text
@@ -131,7 +114,7 @@ def test_headers_numbers_and_order_of_entities_do_not_matter(tmp_path, seed):
 
 def test_a_lens_that_was_moved_and_turned_has_its_frame(tmp_path):
     place = bd.Pos(10, -20, 30) * bd.Rot(20, 30, 40)
-    found = read_lens_solid(written(tmp_path / "lens.step", (place * to_build123d(WAVY)).wrapped))
+    found = read_lens_solid(written((place * to_build123d(WAVY)).wrapped, tmp_path / "lens.step"))
     turn = place.wrapped.Transformation()
     matrix = np.array([[turn.Value(row, column) for column in (1, 2, 3)] for row in (1, 2, 3)])
     assert found.frame.shift == pytest.approx([10, -20, 30], abs=1e-9)
@@ -141,7 +124,7 @@ def test_a_lens_that_was_moved_and_turned_has_its_frame(tmp_path):
 
 def test_an_upside_down_lens_has_its_front_below(tmp_path):
     found = read_lens_solid(
-        written(tmp_path / "lens.step", (bd.Rot(180, 0, 0) * to_build123d(PLAIN)).wrapped)
+        written((bd.Rot(180, 0, 0) * to_build123d(PLAIN)).wrapped, tmp_path / "lens.step")
     )
     refit = found.refit(1.5)
     assert found.frame.rotation[:, 2] == pytest.approx([0, 0, 1])
@@ -162,7 +145,7 @@ def test_reversed_and_swapped_parameters_do_not_matter(tmp_path, change):
     """A prism over the rear: front and rear are one surface, 2.5 mm apart."""
     uneven = placed_surfaces(WAVY)[1].insert([1.3], [-2.1])  # else mirrored knots are the same
     shape = prism(uneven, lambda geom: getattr(geom, change)())
-    found = read_lens_solid(written(tmp_path / "lens.step", shape))
+    found = read_lens_solid(written(shape, tmp_path / "lens.step"))
     refit = found.refit(1.5)
     x, y = np.linspace(-5, 5, 21), np.linspace(-4, 4, 21)
     exact = WAVY.rear.grid(x, y) - WAVY.rear(0, 0)
@@ -178,7 +161,7 @@ def test_the_deviation_from_graph_form_is_measured_by_the_poles(tmp_path):
         pole.SetX(pole.X() + 1e-4)
         geom.SetPole(4, 4, pole)
 
-    found = read_lens_solid(written(tmp_path / "lens.step", prism(placed_surfaces(WAVY)[1], pushed)))
+    found = read_lens_solid(written(prism(placed_surfaces(WAVY)[1], pushed), tmp_path / "lens.step"))
     assert 0.9e-4 < found.rear.graph_deviation < 1e-4  # less what the affine function follows
     assert found.refit(1.5, 1e-3).deviation[1] > 0
     refit = found.refit(1.5, 1e-5)  # not as it is, then
@@ -198,7 +181,7 @@ def test_a_surface_in_patches_is_one(tmp_path):
 @pytest.mark.parametrize("flange", [None, Flange(2.0, 0.3, 1.0)])
 def test_a_round_lens_with_a_flange_keeps_its_spline(tmp_path, flange):
     part = trimmed_part(WAVY, (3.5, 3.5)) if flange is None else flanged_part(WAVY, flange, (3.5, 3.5))
-    found = read_lens_solid(written(tmp_path / "lens.step", part.solid))
+    found = read_lens_solid(written(part.solid, tmp_path / "lens.step"))
     assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
     assert max(heights_apart(WAVY, found.refit(1.5))) < 1e-9
 
@@ -213,7 +196,7 @@ def test_a_revolved_lens_is_a_plane_and_a_sphere(tmp_path):
                 bd.Line((0, top), (0, 0))
             bd.make_face()
         bd.revolve(axis=bd.Axis.Z)
-    found = read_lens_solid(written(tmp_path / "lens.step", part.part.wrapped))
+    found = read_lens_solid(written(part.part.wrapped, tmp_path / "lens.step"))
     refit = found.refit(1.5)
     assert (found.front.kind, found.rear.kind) == ("plane", "sphere")
     assert found.rear.periodic[0]
@@ -226,7 +209,7 @@ def test_a_revolved_lens_is_a_plane_and_a_sphere(tmp_path):
 
 def test_the_seam_of_a_round_face_is_no_part_of_its_outline(tmp_path):
     lens = bd.Pos(0, 0, -28) * bd.Sphere(30) & bd.Pos(0, 0, 28) * bd.Sphere(30)
-    found = read_lens_solid(written(tmp_path / "lens.step", lens.wrapped))
+    found = read_lens_solid(written(lens.wrapped, tmp_path / "lens.step"))
     assert (found.front.outline, found.rear.outline) == ("ellipse", "ellipse")
     assert found.rear.half_width == pytest.approx([116**0.5] * 2, rel=1e-6)
 
@@ -245,7 +228,7 @@ def test_an_elliptic_rim_keeps_its_size_however_the_lens_is_turned(turn, a, rati
     lens = bd.Pos(0, 0, -35) * bd.Sphere(40) & bd.Pos(0, 0, 2.5) * round_
     with tempfile.TemporaryDirectory() as folder:
         found = read_lens_solid(
-            written(Path(folder) / "lens.step", (bd.Pos(3, 4, 5) * bd.Rot(*turn) * lens).wrapped)
+            written((bd.Pos(3, 4, 5) * bd.Rot(*turn) * lens).wrapped, Path(folder) / "lens.step")
         )
     for face in (found.front, found.rear):
         assert face.outline == "ellipse"
@@ -257,7 +240,7 @@ def test_a_ball_without_rim_is_no_lens(tmp_path):
     with pytest.raises(
         ValueError, match=r"the lens has no surface opposite|one curved face and none opposite"
     ):
-        read_lens_solid(written(tmp_path / "ball.step", bd.Sphere(5).wrapped))
+        read_lens_solid(written(bd.Sphere(5).wrapped, tmp_path / "ball.step"))
 
 
 def test_a_revolved_parabola_is_a_conic(tmp_path):
@@ -269,7 +252,7 @@ def test_a_revolved_parabola_is_a_conic(tmp_path):
                 bd.Polyline((8, 64 / 60), (8, 4), (0, 4), (0, 0))
             bd.make_face()
         bd.revolve(axis=bd.Axis.Z)
-    found = read_lens_solid(written(tmp_path / "lens.step", part.part.wrapped))
+    found = read_lens_solid(written(part.part.wrapped, tmp_path / "lens.step"))
     refit = found.refit(1.5)
     assert found.front.kind in ("surface of revolution", "rational spline")
     assert (refit.how, refit.proven) == (("conic", "plane"), (True, True))
@@ -292,7 +275,7 @@ def cylinder_lens(outline):
 @pytest.mark.parametrize("outline", [bd.Box(20, 16, 3), bd.Cylinder(9, 3)])
 def test_a_cylinder_lens_is_found(tmp_path, outline, turn):
     found = read_lens_solid(
-        written(tmp_path / "lens.step", (bd.Rot(turn, 0, turn) * cylinder_lens(outline)).wrapped)
+        written((bd.Rot(turn, 0, turn) * cylinder_lens(outline)).wrapped, tmp_path / "lens.step")
     )
     assert (found.front.kind, found.rear.kind) == ("plane", "cylinder")
     assert found.thickness == pytest.approx(3, abs=1e-9)
@@ -310,7 +293,7 @@ def test_a_ruled_spline_is_an_optical_face(tmp_path):
     top = bd.Edge.make_spline([bd.Vector(x, 0, 3 - 0.01 * x * x) for x in (-8, -4, 0, 4, 8)])
     lines = [bd.Edge.make_line(a, b) for a, b in pairwise([top @ 1, (8, 0, 0), (-8, 0, 0), top @ 0])]
     solid = bd.extrude(bd.Face(bd.Wire([top, *lines])), 10, (0, 1, 0))
-    found = read_lens_solid(written(tmp_path / "lens.step", solid.wrapped))
+    found = read_lens_solid(written(solid.wrapped, tmp_path / "lens.step"))
     assert found.rear.half_width == pytest.approx([8, 5], abs=1e-6)
     refit = found.refit(1.5, 1e-5)
     assert refit.lens.rear(4, 1) == pytest.approx(-0.16, abs=1e-5)
@@ -328,7 +311,7 @@ def test_a_lofted_lens_is_fitted(tmp_path):
         return bd.Wire(edges)
 
     solid = bd.Solid.make_loft([section(x) for x in (-6, -2, 2, 6)])
-    found = read_lens_solid(written(tmp_path / "lens.step", solid.wrapped))
+    found = read_lens_solid(written(solid.wrapped, tmp_path / "lens.step"))
     refit = found.refit(1.5, 1e-5)
     assert found.front.kind in ("plane", "spline")
     assert found.rear.half_width == pytest.approx([6, 5], abs=1e-6)
@@ -393,11 +376,11 @@ def test_the_record_says_what_was_found(tmp_path):
 )
 def test_what_is_no_lens_is_refused(tmp_path, shape, words):
     with pytest.raises(ValueError, match=words):
-        read_lens_solid(written(tmp_path / "lens.step", shape().wrapped))
+        read_lens_solid(written(shape().wrapped, tmp_path / "lens.step"))
 
 
 def test_a_damaged_file_is_refused(tmp_path):
-    path = written(tmp_path / "lens.step", lens_part(PLAIN).solid)
+    path = written(lens_part(PLAIN).solid, tmp_path / "lens.step")
     path.write_text(path.read_text()[:2000])
     with pytest.raises(ValueError, match="is not a whole STEP file"):
         read_lens_solid(path)

@@ -70,10 +70,16 @@ def same_bits(a, b):
     )  # 0.0 and -0.0 are the same place
 
 
+def assert_whole(state, faces):
+    """One closed solid of so many faces that meet within 1e-7 mm."""
+    found = state.solids, state.faces, state.free_edges, state.closed, state.valid
+    assert found == (1, faces, 0, True, True)
+    assert state.tolerance <= 1e-7
+
+
 def assert_sound(lens, part, read, faces):
-    """One closed solid of so many faces, named as built, precise, with every number of front and rear."""
-    assert (read.solids, read.faces, read.free_edges, read.closed, read.valid) == (1, faces, 0, True, True)
-    assert read.tolerance <= 1e-7
+    """A whole solid, named as built, with every number of front and rear."""
+    assert_whole(read, faces)
     assert tuple(part.names) == tuple(read.face_names)
     for found, wanted in zip((read.front, read.rear), optical_forms(lens), strict=True):
         assert same_bits(found, wanted)

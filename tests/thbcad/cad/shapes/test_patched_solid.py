@@ -6,20 +6,16 @@ import build123d
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
-from OCP.BRepCheck import BRepCheck_Analyzer
-from OCP.BRepGProp import BRepGProp
-from OCP.GProp import GProp_GProps
-from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from tests.cases import examples
+from tests.thbcad.cad.shapes.cases import assert_whole
 from tests.thbcad.cases import surfaces
-from thbcad.cad.exchange import explore, part_step, step_shape
+from thbcad.cad.exchange import SolidState, explore, part_step, solid_volume, step_shape
 from thbcad.cad.shapes.lens_parts import lens_part
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
 from thbcad.hierarchy import THBSpace
@@ -136,18 +132,9 @@ def owners(shape):
 
 
 def assert_closed(shape):
-    assert (len(explore(shape, TopAbs_SOLID)), len(explore(shape, TopAbs_SHELL))) == (1, 1)
-    assert BRep_Tool.IsClosed_s(TopoDS.Shell_s(explore(shape, TopAbs_SHELL)[0]))
-    assert {len(faces) for _, faces in owners(shape)} == {2}
+    assert_whole(SolidState(shape), count(shape, TopAbs_FACE))
+    assert len(explore(shape, TopAbs_SHELL)) == 1
     assert count(shape, TopAbs_VERTEX) - count(shape, TopAbs_EDGE) + count(shape, TopAbs_FACE) == 2
-    assert BRepCheck_Analyzer(shape).IsValid()
-    assert ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1) <= 1e-7
-
-
-def volume(shape):
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, properties, 1e-7)
-    return properties.Mass()
 
 
 def value(surface, vertex, x, y):
@@ -177,7 +164,7 @@ def test_one_face_for_each_patch(written):
 def test_the_volume_is_the_lens_volume(written):
     lens, part, _, shape = written
     for solid in (part.solid, shape):
-        assert volume(solid) == pytest.approx(lens.volume(), rel=1e-6)
+        assert solid_volume(solid, 1e-7) == pytest.approx(lens.volume(), rel=1e-6)
 
 
 def test_faces_read_back_lie_on_the_surfaces(written):
@@ -273,7 +260,7 @@ def test_a_lens_without_sags_is_the_lens_of_six_faces():
 def test_random_lenses_are_closed(lens):
     part = patched_part(lens)
     assert_closed(part.solid)
-    assert volume(part.solid) == pytest.approx(lens.volume(), rel=1e-6)
+    assert solid_volume(part.solid, 1e-7) == pytest.approx(lens.volume(), rel=1e-6)
 
 
 @given(thick_lenses())
