@@ -248,14 +248,8 @@ def test_deeply_nested_files_are_refused(path):
 def test_sizes_are_checked_before_memory_is_taken(path):
     """Knots for 200,000 x 200,000 cells with four coefficients: an error, not 40 GB."""
     knots = [0.0, *range(200_001), 200_000.0]
-    path.write_text(
-        json.dumps(
-            changed(
-                ("rear", "sag"),
-                {"degree": [1, 1], "knots": [knots, knots], "refined": [], "coefficients": [0.0] * 4},
-            )
-        )
-    )
+    sag = {"degree": [1, 1], "knots": [knots, knots], "refined": [], "coefficients": [0.0] * 4}
+    path.write_text(json.dumps(changed(("rear", "sag"), sag)))
     program = """
 import resource, sys
 from thbcad import read_lens
