@@ -14,6 +14,6 @@ if TYPE_CHECKING:
     from .spline_json import read_curve, read_surface, sag_from_dict, sag_to_dict, write_curve, write_surface
     from .step_brep import brep, brep_of_text, parse_brep as parse_brep
     from .step_text import Entities, Entity, Value, having, read_file, read_part21, rewritten
-    from .step_values import direction_of, entity_of, list_of, points_of
+    from .step_values import direction_of, entities_of, entity_of, points_of
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

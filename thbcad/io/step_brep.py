@@ -23,6 +23,7 @@ from thbcad.io.step_text import (
 from thbcad.io.step_values import (
     cone,
     curve_of,
+    entities_of,
     entity_of,
     extrusion,
     flag_of,
@@ -39,7 +40,6 @@ from thbcad.io.step_values import (
 
 PLACED = ("MAPPED_ITEM", "ITEM_DEFINED_TRANSFORMATION", "CARTESIAN_TRANSFORMATION_OPERATOR_3D")
 Header = Mapping[str, Sequence[Value]]
-NO_HEADER: Header = {}
 SCHEMA_NAME = re.compile(r"(\w+)\W.*", re.ASCII | re.DOTALL)
 LABELS = {  # what words and numbers beside the shape say, and the entity in which they stand
     "product": "PRODUCT",
@@ -78,8 +78,8 @@ def brep_of_text(text: str) -> Brep:
     return brep(entities_of_text(text), header_of_text(text))
 
 
-def brep(entities: Entities, header: Header = NO_HEADER) -> Brep:
-    """Return the one solid of a file's entities; raise ValueError as `parse_brep`."""
+def brep(entities: Entities, header: Header) -> Brep:
+    """Return the one solid of a file's entities and its header; raise ValueError as `parse_brep`."""
     names = [text_of(e.parameters("PRODUCT", 4)[0], e) for e in having(entities, "PRODUCT")]
     placed = [e for kind in PLACED for e in having(entities, kind)]
     if placed:
@@ -122,7 +122,7 @@ def _units(entities: Entities, kind: str, what: str, least: int = 1) -> list[Ent
         _, items, context = shape.parameters("ADVANCED_BREP_SHAPE_REPRESENTATION", 3)
         if solid in list_of(items, shape):
             (units,) = entity_of(entities, context, shape).parameters("GLOBAL_UNIT_ASSIGNED_CONTEXT", 1)
-            found = [u for k in list_of(units, shape) if kind in (u := entity_of(entities, k, shape)).parts]
+            found = [unit for unit in entities_of(entities, units, shape) if kind in unit.parts]
             if not least <= len(found) <= 1:
                 raise ValueError(
                     f"the representation #{shape.number} must have one unit of {what}, got {len(found)}"
@@ -146,7 +146,7 @@ def _shell(entities: Entities) -> list[Entity]:
     """Return the ADVANCED_FACEs of the solid's outer shell."""
     solid = _solid(entities)
     shell = entity_of(entities, solid.parameters("MANIFOLD_SOLID_BREP", 2)[1], solid)
-    faces = [entity_of(entities, k, shell) for k in list_of(shell.parameters("CLOSED_SHELL", 2)[1], shell)]
+    faces = entities_of(entities, shell.parameters("CLOSED_SHELL", 2)[1], shell)
     if len({face.number for face in faces}) != len(faces):
         raise ValueError(f"the shell #{shell.number} names a face twice")
     return faces
@@ -155,18 +155,15 @@ def _shell(entities: Entities) -> list[Entity]:
 def _loops(entities: Entities, face: Entity) -> list[list[tuple[int, bool]]]:
     """Return the loops around a face: edges, each with whether it is passed forwards."""
     loops = []
-    for bound in (
-        entity_of(entities, k, face) for k in list_of(face.parameters("ADVANCED_FACE", 4)[1], face)
-    ):
+    for bound in entities_of(entities, face.parameters("ADVANCED_FACE", 4)[1], face):
         kind = "FACE_OUTER_BOUND" if "FACE_OUTER_BOUND" in bound.parts else "FACE_BOUND"
         _, around, forwards = bound.parameters(kind, 3)
         loop = entity_of(entities, around, bound)
         uses = []
-        for edge in (entity_of(entities, k, loop) for k in list_of(loop.parameters("EDGE_LOOP", 2)[1], loop)):
-            _, _, _, curve, along = edge.parameters("ORIENTED_EDGE", 5)
-            uses.append(
-                (entity_of(entities, curve, edge).number, flag_of(forwards, bound) == flag_of(along, edge))
-            )
+        for edge in entities_of(entities, loop.parameters("EDGE_LOOP", 2)[1], loop):
+            _, _, _, carrier, along = edge.parameters("ORIENTED_EDGE", 5)
+            curve = entity_of(entities, carrier, edge)
+            uses.append((curve.number, flag_of(forwards, bound) == flag_of(along, edge)))
         loops.append(uses if flag_of(forwards, bound) else uses[::-1])
     return loops
 
@@ -184,12 +181,13 @@ def _face(entities: Entities, face: Entity, radians: float) -> BrepFace:
     """Return a face; radians : how many the unit of angles has."""
     name, _, carrier, same = face.parameters("ADVANCED_FACE", 4)
     surface = entity_of(entities, carrier, face)
+    around = _loops(entities, face)
     along = {
         k: flag_of(entities[k].parameters("EDGE_CURVE", 5)[4], entities[k])
-        for loop in _loops(entities, face)
+        for loop in around
         for k, _ in loop
     }
-    loops = tuple(tuple((k, forwards == along[k]) for k, forwards in loop) for loop in _loops(entities, face))
+    loops = tuple(tuple((k, forwards == along[k]) for k, forwards in loop) for loop in around)
     return BrepFace(
         number=face.number,
         name=name if isinstance(name, str) else "",
@@ -216,7 +214,7 @@ def _edge(entities: Entities, edge: Entity, radians: float) -> BrepEdge:
     # a curve with its images in the faces' parameters
     for kind in {"SURFACE_CURVE", "SEAM_CURVE"} & curve.parts.keys():
         _, space, others, _ = curve.parameters(kind, 4)
-        images = [entity_of(entities, k, curve) for k in list_of(others, curve)]
+        images = entities_of(entities, others, curve)
         curve = entity_of(entities, space, curve)
     flat = tuple(_image(entities, image, radians) for image in images if "PCURVE" in image.parts)
     shape = curve_of(entities, curve)

@@ -125,6 +125,11 @@ def list_of(value: Value, user: Entity) -> list[Value]:
     return value
 
 
+def entities_of(entities: Entities, value: Value, user: Entity) -> list[Entity]:
+    """Return the entities to which a list refers."""
+    return [entity_of(entities, reference, user) for reference in list_of(value, user)]
+
+
 def reals_of(value: Value, user: Entity) -> list[float]:
     values = list_of(value, user)
     reals = [v for v in values if type(v) is float]

@@ -104,7 +104,7 @@ def part_step(
         if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
             entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
         if isinstance(entity, StepRepr_NextAssemblyUsageOccurrence):  # which OCCT counts in the process
-            entity.SetId(_string("1"))
+            entity.SetId(TCollection_HAsciiString("1"))
     return model_text(model, product)
 
 
@@ -138,10 +138,6 @@ def read_step(path: str | Path) -> SolidFile:
     )
 
 
-def _string(text: str) -> TCollection_HAsciiString:
-    return TCollection_HAsciiString(text)
-
-
 def _extended(text: str) -> TCollection_ExtendedString:
     return TCollection_ExtendedString(text, True)  # of UTF-8
 
@@ -162,7 +158,8 @@ def _document(part: Part, product: Product, placement: TopLoc_Location | None) -
         colours.SetColor(sub, Quantity_Color(*face_colour(name), Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     if product.material:
         note = "" if product.index is None else f"refractive index {product.index}"
-        texts = [_string(text) for text in (product.material, note, "density", "POSITIVE_RATIO_MEASURE")]
+        words = product.material, note, "density", "POSITIVE_RATIO_MEASURE"
+        texts = [*map(TCollection_HAsciiString, words)]
         XCAFDoc_DocumentTool.MaterialTool_s(main).SetMaterial(label, *texts[:2], product.density, *texts[2:])
     if placement is not None:
         assembly = shapes.NewShape()

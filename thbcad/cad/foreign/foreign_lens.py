@@ -19,7 +19,7 @@ from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_f
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, axial_heights, continued, surveyed
 from thbcad.checks import Floats
-from thbcad.io import Entities, entity_of, having, list_of, read_part21
+from thbcad.io import Entities, entities_of, having, read_part21
 from thbcad.poses import Pose
 
 ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
@@ -161,7 +161,7 @@ def _unit_of(entities: Entities) -> str:
     found = set()
     for context in having(entities, ASSIGNED):
         (units,) = context.parameters(ASSIGNED, 1)
-        for unit in (entity_of(entities, k, context) for k in list_of(units, context)):
+        for unit in entities_of(entities, units, context):
             if "LENGTH_UNIT" not in unit.parts:
                 continue
             if "CONVERSION_BASED_UNIT" in unit.parts:

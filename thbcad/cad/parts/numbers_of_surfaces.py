@@ -95,18 +95,17 @@ def surface_numbers(geom: Geom_Surface) -> SurfaceNumbers:
     if isinstance(geom, Geom_BSplineSurface):
         return _of_spline(geom)
     if isinstance(geom, Geom_ElementarySurface):
-        frame = geom.Position()
-        axes = [frame.XDirection(), frame.YDirection(), frame.Direction()]
-        rows = np.array([frame.Location().Coord(), *(axis.Coord() for axis in axes)])
+        frame, along = geom.Position(), geom.Position().Direction()
         has_radius = isinstance(geom, (Geom_SphericalSurface, Geom_CylindricalSurface))
-        return SurfaceNumbers(kind, np.array([geom.Radius()] if has_radius else []), rows)
-    if isinstance(geom, Geom_SurfaceOfLinearExtrusion) and isinstance(geom.BasisCurve(), Geom_Ellipse):
+        radii = [geom.Radius()] if has_radius else []
+    elif isinstance(geom, Geom_SurfaceOfLinearExtrusion) and isinstance(geom.BasisCurve(), Geom_Ellipse):
         conic = geom.BasisCurve()
-        frame = conic.Position()
-        axes = [frame.XDirection(), frame.YDirection(), geom.Direction()]
-        rows = np.array([frame.Location().Coord(), *(axis.Coord() for axis in axes)])
-        return SurfaceNumbers(kind, np.array([conic.MajorRadius(), conic.MinorRadius()]), rows)
-    return SurfaceNumbers(kind, np.empty(0), np.empty((0, 3)))
+        frame, along = conic.Position(), geom.Direction()
+        radii = [conic.MajorRadius(), conic.MinorRadius()]
+    else:
+        return SurfaceNumbers(kind, np.empty(0), np.empty((0, 3)))
+    rows = frame.Location(), frame.XDirection(), frame.YDirection(), along
+    return SurfaceNumbers(kind, np.array(radii), np.array([row.Coord() for row in rows]))
 
 
 def _of_spline(geom: Geom_BSplineSurface) -> SurfaceNumbers:
@@ -141,16 +140,11 @@ def rigid_motion(start: SurfaceNumbers, end: SurfaceNumbers) -> gp_Trsf | None:
         rotation = end.moved[1:].T @ start.moved[1:]
     else:
         return None
-    return motion(np.column_stack([rotation, b - rotation @ a]))
-
-
-def motion(rows: Floats) -> gp_Trsf:
-    """Return a matrix (3, 4), a rotation beside a shift in mm, as gp_Trsf."""
-    result = gp_Trsf()
-    result.SetValues(*rows.ravel().tolist())
-    return result
+    motion = gp_Trsf()
+    motion.SetValues(*np.column_stack([rotation, b - rotation @ a]).ravel().tolist())
+    return motion
 
 
 def matrix_of(trsf: gp_Trsf) -> Floats:
-    """Return a gp_Trsf as a matrix (3, 4), as of `motion`."""
+    """Return a gp_Trsf as a matrix (3, 4), a rotation beside a shift in mm."""
     return np.array([[trsf.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])

@@ -103,14 +103,9 @@ def _placed(
     equal knots."""
     domains = (sag.space.kv_u, sag.space.kv_v)
     patches = sag.to_patches()
-    marks = [
-        np.unique(
-            np.concatenate(
-                [_mapped((patch.kv_u, patch.kv_v)[d].breaks, domains[d], target[d]) for patch in patches]
-            )
-        )
-        for d in (0, 1)
-    ]
+    marks = []
+    for kvs, domain, h in zip(zip(*((patch.kv_u, patch.kv_v) for patch in patches)), domains, target):
+        marks.append(np.unique(np.concatenate([_mapped(kv.breaks, domain, h) for kv in kvs])))
     graphs = []
     for patch in patches:
         kv_x, kv_y = (
