@@ -310,26 +310,6 @@ def test_faces_that_are_no_splines_have_no_surface(tmp_path):
 # ---- damage ----
 
 
-@pytest.mark.slow
-@given(
-    st.lists(
-        st.tuples(st.integers(0, len(PLANO) - 1), st.sampled_from("#'();,.*$/0 9ETA-\n\0é")),
-        min_size=1,
-        max_size=4,
-    ),
-    st.booleans(),
-)
-def test_any_characters_changed_are_read_or_refused(changes, insert):
-    text = PLANO
-    for place, character in changes:
-        text = text[:place] + character + text[place + (not insert) :]
-    try:
-        solid = brep_of_text(text)
-    except ValueError:
-        return
-    assert len(solid.faces) >= 1
-
-
 @given(st.data())
 def test_any_entity_removed_is_named(data):
     used = set(re.findall(r"#(\d+)\b(?! ?=)", re.sub("'[^']*'", "", TABLE63)))  # without 'Context #1'
