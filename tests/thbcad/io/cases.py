@@ -10,27 +10,19 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeTorus,
 )
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
-from OCP.Interface import Interface_Static
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
-from thbcad.cad.exchange import step_bytes
+from thbcad.cad.exchange import occt_settings, step_bytes
 from thbcad.io import brep_of_text
 
 
 def written(shape, path, unit="MM", schema="AP214IS"):
     """Write a shape by OCCT's plain writer, without names, and return the path."""
     STEPControl_Writer()  # OCCT's settings exist only once a writer has been made
-    settings = {"write.step.unit": unit, "write.step.schema": schema}
-    before = {name: Interface_Static.CVal_s(name) for name in settings}
-    try:
-        for name, value in settings.items():
-            Interface_Static.SetCVal_s(name, value)
+    with occt_settings({"write.step.unit": unit, "write.step.schema": schema}):
         writer = STEPControl_Writer()
         writer.Transfer(shape, STEPControl_AsIs)
         writer.Write(str(path))
-    finally:
-        for name, value in before.items():
-            Interface_Static.SetCVal_s(name, value)
     return path
 
 

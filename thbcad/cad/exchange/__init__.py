@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from .handover import GLASS, library, named_faces, to_build123d, to_cadquery
     from .iges_brep_solids import brep_bytes, iges_bytes, part_iges, read_brep, read_iges
     from .loose_splines import read_curves, read_faces, write_curves, write_faces
-    from .occt_texts import brep_text, compact, silence
+    from .occt_texts import brep_text, compact, occt_settings, silence
     from .part_triangles import face_triangles, part_mesh
     from .reading import OCCT_ERRORS, brep_shape, edges_of, explore, faces_of, iges_shape, step_shape
     from .scene_file import PlacedShape, read_scene, scene_step, sheet_part
