@@ -44,7 +44,8 @@ from thbcad.meshes.plans import (
 from thbcad.meshes.polygon_bodies import polygon_mesh
 from thbcad.outlines import UPRIGHT, Outline
 
-STEPS = ("front", "flange front", "flange side", "flange rear", "rear")  # of a wall with a flange
+# the names of the faces of a wall with a flange, from front to rear
+STEPS = ("edge {} front", "flange front {}", "flange side {}", "flange rear {}", "edge {} rear")
 
 
 def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation:
@@ -182,9 +183,5 @@ def _names(flanged: bool) -> tuple[str, ...]:
     sides = [side.name for side in SIDES]
     if not flanged:
         return ("front", "rear", *sides)
-    rows = []
-    for step in STEPS:
-        prefix = step if step.startswith("flange") else "edge"
-        suffix = "" if step.startswith("flange") else f" {step}"
-        rows += [f"{prefix} {side.removeprefix('edge ')}{suffix}" for side in sides]
-    return ("front", "rear", *rows)
+    places = [side.removeprefix("edge ") for side in sides]
+    return ("front", "rear", *(step.format(place) for step in STEPS for place in places))
