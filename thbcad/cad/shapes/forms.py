@@ -67,14 +67,7 @@ class Form(Protocol):
 
 def form_of(surface: OpticalForm) -> Form:
     """Return the Form of a surface."""
-    if isinstance(surface, BSplineSurface):
-        return SplineForm(surface)
-    return conic_form(surface)
-
-
-def conic_form(conic: PlacedConic) -> FlatForm | ConicForm:
-    """Return the Form of a conic."""
-    return FlatForm(conic) if conic.kind == "PLANE" else ConicForm(conic)
+    return SplineForm(surface) if isinstance(surface, BSplineSurface) else ConicForm(surface)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,39 +93,11 @@ class SplineForm:
 
 
 @dataclass(frozen=True, eq=False)
-class FlatForm:
-    """The `Form` of a plane z = const."""
-
-    conic: PlacedConic
-
-    upward = True
-
-    def surface(self) -> Geom_Surface:
-        point, normal, first = self.conic.numbers.reshape(3, 3).tolist()
-        return Geom_Plane(gp_Pln(gp_Ax3(gp_Pnt(*point), gp_Dir(*normal), gp_Dir(*first))))
-
-    def corner(self, corner: Corner) -> Floats:
-        return _corner(self.conic, corner)
-
-    def rim(self, side: Side) -> RimCurve:
-        start, stop = self.corner(side.start), self.corner(side.stop)
-        direction = np.eye(3)[side.axis]
-        line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(*direction.tolist()))
-        length = float((stop - start)[side.axis])
-        return RimCurve(line, (0.0, length), lambda t: start + np.outer(t, direction))
-
-    def side_trace(self, side: Side) -> Geom2d_Curve | None:
-        return None
-
-    def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve | None:
-        """Return None: OCCT needs no images in the parameters of planes."""
-        return None
-
-
-@dataclass(frozen=True, eq=False)
 class ConicForm:
-    """The `Form` of a sphere, or of an ellipsoid or hyperboloid as a rational patch; images of curves lie
-    within 1e-9 mm at eight points of every span."""
+    """The `Form` of a plane, of a sphere, or of an ellipsoid or hyperboloid as a rational patch.
+
+    Images of curves lie within 1e-9 mm at eight points of every span; on planes OCCT needs none.
+    """
 
     conic: PlacedConic
 
@@ -142,6 +107,9 @@ class ConicForm:
         return self.conic.kind != "SPHERE" or self.conic.side > 0
 
     def surface(self) -> Geom_Surface:
+        if self.conic.kind == "PLANE":
+            point, normal, first = self.conic.numbers.reshape(3, 3).tolist()
+            return Geom_Plane(gp_Pln(gp_Ax3(gp_Pnt(*point), gp_Dir(*normal), gp_Dir(*first))))
         if self.conic.kind != "SPHERE":
             return rational_geom(self.conic.patch)
         centre, axis, first = self.conic.sphere.tolist()
@@ -149,18 +117,28 @@ class ConicForm:
         return Geom_SphericalSurface(placement, abs(self.conic.conic.radius))
 
     def corner(self, corner: Corner) -> Floats:
-        return _corner(self.conic, corner)
+        x, y = (h if end else -h for h, end in zip(self.conic.half_width, corner))
+        return np.array([x, y, self.conic(x, y)])
 
     def rim(self, side: Side) -> RimCurve:
-        section = _section(self.conic, side)
+        if self.conic.kind == "PLANE":
+            start, stop = self.corner(side.start), self.corner(side.stop)
+            direction = np.eye(3)[side.axis]
+            line = Geom_Line(gp_Pnt(*start.tolist()), gp_Dir(*direction.tolist()))
+            length = float((stop - start)[side.axis])
+            return RimCurve(line, (0.0, length), lambda t: start + np.outer(t, direction))
+        half = self.conic.half_width[1 - side.axis]
+        section = self.conic.section(side.axis, half if side.end else -half)
         return RimCurve(_geom_section(section), section.ends, section.points)
 
     def side_trace(self, side: Side) -> Geom2d_Curve | None:
-        section = _section(self.conic, side)
-        return self.trace(section.points, section.ends)
+        along = self.rim(side)
+        return self.trace(along.points, along.ends)
 
-    def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve:
-        """Return the image of a curve on it in its parameters."""
+    def trace(self, points: Points, ends: tuple[float, float]) -> Geom2d_Curve | None:
+        """Return the image of a curve on it in its parameters; None on planes."""
+        if self.conic.kind == "PLANE":
+            return None
         # angles times the radius are lengths
         unit = abs(self.conic.conic.radius) if self.conic.kind == "SPHERE" else 1.0
         return _fitted(lambda t: self.conic.parameters(points(t)), ends, unit)
@@ -202,16 +180,6 @@ def _fitted(image: Points, ends: tuple[float, float], unit: float = 1.0) -> Geom
     """Return a curve in parameters as a spline; unit : mm, about, for a step of one parameter."""
     kv, poles = fitted_curve(lambda t: unit * image(t), np.array(ends), np.ones(2, dtype=np.int64))
     return trace(kv, poles / unit)
-
-
-def _corner(conic: PlacedConic, corner: Corner) -> Floats:
-    x, y = (h if end else -h for h, end in zip(conic.half_width, corner))
-    return np.array([x, y, conic(x, y)])
-
-
-def _section(conic: PlacedConic, side: Side) -> ConicSection:
-    half = conic.half_width[1 - side.axis]
-    return conic.section(side.axis, half if side.end else -half)
 
 
 def _geom_section(section: ConicSection) -> Geom_Curve:

@@ -11,7 +11,7 @@ import numpy as np
 from OCP.Geom2d import Geom2d_Curve
 from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-from thbcad.cad.shapes.forms import conic_form, form_of, optical_face, ruled_trace
+from thbcad.cad.shapes.forms import ConicForm, form_of, optical_face, ruled_trace
 from thbcad.cad.shapes.occt_splines import geom_surface, trace
 from thbcad.cad.shapes.topology import (
     NAMES,
@@ -126,7 +126,7 @@ def trimmed_face(lens: Lens, k: int, pieces: Sequence[Path], rims: Sequence[Rim]
     surface = optical_forms(lens)[k]
     images: list[Geom2d_Curve | None]
     if isinstance(surface, PlacedConic):
-        form = conic_form(surface)
+        form = ConicForm(surface)
         images = [form.trace(above(surface, piece), piece.ends) for piece in pieces]
         face = face_on(form.surface(), ring.edges, form.upward, images)
         return turned_face(face, form.upward != (k == 1))
