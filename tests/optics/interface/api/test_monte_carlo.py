@@ -15,7 +15,6 @@ from optics.interface.api import design_errors
 from optics.interface.api.design_errors import FORM_NM, _forms
 from optics.reporting.figures import monte_carlo_figures_of
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import (
     Draw,
     ErrorModel,
@@ -26,7 +25,7 @@ from optics.tolerancing.monte_carlo_samples import (
 )
 from optics.tolerancing.perturbations import tolerance_budget, tolerances_of
 from tests.cases import EXAMPLES
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import loaded, rough, write_problem
 from thbcad.surfaces import THBSurface
 
 AMOUNTS = {"lens.decentre_x": 0.3, "index": 2e-3}
@@ -36,7 +35,7 @@ AMOUNTS = {"lens.decentre_x": 0.3, "index": 2e-3}
 def made(tmp_path_factory, backend):
     """A Monte Carlo whose numbers are made up, of a real lens."""
     folder = tmp_path_factory.mktemp("made")
-    system = OpticalSystem(load_problem(write_problem(folder, {"target.pixels": [16, 16]})))
+    system = loaded(folder, {"target.pixels": [16, 16]})
     (sag,) = system.lens.sags
     lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)

@@ -7,11 +7,10 @@ import pytest
 
 from optics.base.runtime import load_backend
 from optics.light.analysis import sequential
-from optics.scene.problem import load_problem
 from optics.scene.sources import FileSource, PointSource, Rays
-from optics.scene.system import OpticalSystem, advice
+from optics.scene.system import advice
 from optics.tolerancing.perturbations import tolerances_of
-from tests.optics.cases import write_problem
+from tests.optics.cases import loaded
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +31,7 @@ def test_a_source_of_a_new_kind_is_all_that_its_class_says(tmp_path):
     """Traced, judged and held against tolerances without a word about it elsewhere."""
     place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
     torch = Torch(flux=2.0, distance=20.0, file="none", **place)
-    system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.front.radius": 100.0})))
+    system = loaded(tmp_path, {"lens.front.radius": 100.0})
     system.__dict__["sources"] = (torch,)
     image, fates, _ = sequential(system, system.lens, load_backend("double"), 17)
     assert fates.total == pytest.approx(2.0, rel=1e-12)

@@ -5,19 +5,17 @@ import pickle
 import numpy as np
 import pytest
 
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import on_threads, write_problem
+from tests.optics.cases import loaded, on_threads
 
 
 def system_on(threads, folder):
-    return OpticalSystem(load_problem(write_problem(folder, {"run.threads": threads})))
+    return loaded(folder, {"run.threads": threads})
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_it_is_of_double_precision(tmp_path, precision):
     """The problem's precision is that of the design alone."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path, {"run.precision": precision})))
+    system = loaded(tmp_path, {"run.precision": precision})
     assert system.backend.dtype is np.float64
 
 

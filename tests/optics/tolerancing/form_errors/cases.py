@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import loaded, rough
 from thbcad.surfaces import THBSurface
 
 PLATE = {
@@ -21,7 +19,7 @@ COUNTS = (160, 160)
 def system_and_lens(folder, changes=None, bumps=0.0):
     """Return the system of the small problem with changes, and its lens with bumps on the sag, mm."""
     drop = ("source.half_width",) if changes and changes.get("source.kind") == "point" else ()
-    system = OpticalSystem(load_problem(write_problem(folder, changes, drop=drop)))
+    system = loaded(folder, changes, drop=drop)
     lens = system.lens
     if bumps:
         (sag,) = lens.sags

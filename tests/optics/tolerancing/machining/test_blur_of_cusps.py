@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from optics.light.analysis import measure
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import (
     ToolOrder,
     cusp_blur,
@@ -13,7 +11,7 @@ from optics.tolerancing.machining import (
     light_with_cusps,
     traced_points,
 )
-from tests.optics.cases import WIDE, small_lens, write_problem
+from tests.optics.cases import WIDE, loaded, small_lens
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
 from thbcad.tools import air_side, ball_cusps
@@ -23,7 +21,7 @@ LENGTH = 60.0  # mm, from the rear's vertex to its target
 
 
 def system_of(folder, changes=None):
-    return OpticalSystem(load_problem(write_problem(folder, changes)))
+    return loaded(folder, changes)
 
 
 def blur_of(system, lens, backend, order, name="rear", rays=9):

@@ -7,11 +7,8 @@ import pytest
 
 from optics import UserError
 from optics.light.blur import spot_width
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
-from tests.cases import EXAMPLES
-from tests.optics.cases import small_lens, write_problem
+from tests.optics.cases import example_system, loaded, small_lens
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
 from thbcad.tools import air_side, ball_cusps, ball_fit
@@ -19,7 +16,7 @@ from thbcad.tools import air_side, ball_cusps, ball_fit
 
 @pytest.fixture
 def found(tmp_path, backend):
-    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    system = loaded(tmp_path)
 
     def of(order, lens=None):
         return tool_findings(system, lens or bowl_lens(), order, backend, rays=17)
@@ -106,7 +103,7 @@ NARROW = {"source.half_width": [5.0, 5.0]}
 
 def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
     """Against the closed form of both: a beam over the middle half of a bowl, whose rim is steep."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path, NARROW)))
+    system = loaded(tmp_path, NARROW)
     lens = small_lens(rear=Conic(-25.0, -1.0))
     found = tool_findings(system, lens, ToolOrder(ball=3.0, step=0.05), backend, rays=65)
     (surface,), graph = found.surfaces, air_side(lens, "rear")
@@ -160,7 +157,7 @@ LAMP = {"source.kind": "lambertian", "source.half_width": [0.6, 0.6], "source.di
 @pytest.mark.parametrize("changes", [SUN, LAMP], ids=["sun", "lamp"])
 def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, changes):
     """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    system = loaded(tmp_path, changes)
     lens = small_lens(rear=Conic())
     wide = spot_width(system, lens, backend)
     # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
@@ -184,7 +181,7 @@ def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, chan
 def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
     tmp_path, backend, changes, times, why
 ):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    system = loaded(tmp_path, changes)
 
     def of(step):
         return tool_findings(system, bowl_lens(), ToolOrder(ball=5.0, step=step), backend, rays=33)
@@ -234,7 +231,7 @@ PLATE = {"lens.array.columns": 2, "lens.array.rows": 3, "lens.array.pitch": 25.0
 
 
 def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, PLATE)))
+    system = loaded(tmp_path, PLATE)
     findings = tool_findings(system, system.lens, ToolOrder(), backend)
     lines = tool_lines(findings)
     assert lines[0].startswith("this holds for each of the 6 lenses of the plate by itself")
@@ -246,7 +243,7 @@ def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
 
 def test_the_walls_of_a_body_have_its_draft(backend):
     base = {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 1.0}
-    system = OpticalSystem(load_problem(EXAMPLES / "dome.toml", base))
+    system = example_system("dome", base)
     findings = tool_findings(system, system.lens, ToolOrder(), backend)
     assert (
         tool_lines(findings)[-1] == "the walls of the body have a draft of 3 degrees, as lens.body asks for"

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.metrology import (
     MeasuredPoints,
@@ -20,7 +19,7 @@ from optics.tolerancing.metrology import (
 from optics.tolerancing.metrology.alignment import by_datums
 from optics.tolerancing.metrology.corrected_surface import made_surface, measured_light
 from tests.cases import examples
-from tests.optics.cases import write_problem
+from tests.optics.cases import loaded
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, freeform, ripple, scattered
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
@@ -80,7 +79,7 @@ def test_a_hole_is_seen_wherever_light_crosses_it() -> None:
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
-    return OpticalSystem(load_problem(write_problem(tmp_path_factory.mktemp("problem"))))
+    return loaded(tmp_path_factory.mktemp("problem"))
 
 
 def measured(surface, count=6000, part=1.0, errors=ripple):

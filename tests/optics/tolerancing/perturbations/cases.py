@@ -4,10 +4,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import loaded, rough
 from thbcad.surfaces import THBSurface
 
 
@@ -40,7 +38,7 @@ class Bowl:
 
 def small_system(folder, changes=None, height=0.02):
     """Return (system, lens) of the small problem with a rough rear."""
-    system = OpticalSystem(load_problem(write_problem(folder, changes)))
+    system = loaded(folder, changes)
     sags = [THBSurface(s.space, rough(s.space, height)) for s in system.lens.sags]
     return system, system.lens.with_sags(sags)
 

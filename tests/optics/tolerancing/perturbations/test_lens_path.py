@@ -5,7 +5,7 @@ import pytest
 
 from optics.tolerancing.perturbations import LinearLight, Perturbation, tolerances_of
 from optics.tolerancing.perturbations.lens_path import RESTING, LensPaths
-from tests.optics.cases import FREE_REAR, FRONT
+from tests.optics.cases import FREE_REAR, FRONT, loaded
 from tests.optics.tolerancing.perturbations.cases import small_light
 
 SHIFT = Perturbation(lens_shift=(0.05, -0.03, 0.0))
@@ -92,12 +92,9 @@ def test_what_slides_over_a_rough_lens_is_predicted(tmp_path, backend, name):
 
 
 def test_the_front_is_followed_where_it_alone_is_free(tmp_path, backend):
-    from optics.scene.problem import load_problem
-    from optics.scene.system import OpticalSystem
     from optics.tolerancing.perturbations import PerturbedLight
-    from tests.optics.cases import write_problem
 
-    system = OpticalSystem(load_problem(write_problem(tmp_path, FRONT, drop=FREE_REAR)))
+    system = loaded(tmp_path, FRONT, drop=FREE_REAR)
     light = PerturbedLight(system, system.lens, backend)
     path = LensPaths(light)(SHIFT)
     middle = path.ds.shape[0] // 2

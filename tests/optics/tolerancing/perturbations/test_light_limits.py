@@ -24,7 +24,7 @@ from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_o
 from optics.tolerancing.perturbations.tolerance_effects import Allowed
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.cases import EXAMPLES, examples
-from tests.optics.cases import write_problem
+from tests.optics.cases import loaded
 from tests.optics.tolerancing.perturbations.cases import few, small_system
 
 TOPHAT = {"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.5, 0.5]}
@@ -34,7 +34,7 @@ FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 def even_system(folder, changes=None):
     """Return a lens whose light is even where it lies: a plane plate in a beam that fills the lit pixels."""
     plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "target.half_width": [19.0, 19.0]}
-    system = OpticalSystem(load_problem(write_problem(folder, TOPHAT | plate | (changes or {}))))
+    system = loaded(folder, TOPHAT | plate | (changes or {}))
     return system, system.lens
 
 
