@@ -204,17 +204,10 @@ class CameraLight:
         self._model, self._coefficients = model, coefficients
         self.image, self.lost = model.seen(coefficients)
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        return self._model.pull_back(self._coefficients, image_bar, lost_bar)
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2).
-
-        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
-        """
+        """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`."""
         return self._model.pull_back(self._coefficients, image_bar, lost_bar, knots)
 
 

@@ -123,7 +123,7 @@ class Objective:
         """
         light = self._model.light(coefficients)
         _, _, by_image = self._penalised(light)
-        return [np.abs(g) for g in light.vertex_gradients(by_image, self._lost_weight, knots)]
+        return [np.abs(g) for g in light.pull_back(by_image, self._lost_weight, knots)]
 
     def curvature(self, coefficients: Sequence[Floats], count: int, seed: int) -> list[list[Floats]]:
         """Return vectors J^T s / ||T|| with random signs s.

@@ -186,20 +186,18 @@ class RenderedLight:
         self.image = completed(tensor)
         self.lost = float(np.array(tensor, dtype=np.float64)[..., 1].sum())
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
+    ) -> list[Floats]:
+        """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`.
+
+        Such a net is no parameter of the scene: the light under the integrator gives it.
+        """
+        if knots is not None:
+            return self._model.traced.light(self._coefficients).pull_back(image_bar, lost_bar, knots)
         rendered = self._rendered or self._model.rendered(self._coefficients)
         self._rendered = None
         return self._model.pull_back(rendered, image_bar, lost_bar)
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
-    ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2).
-
-        They are no parameters of the scene: the light under the integrator gives them.
-        """
-        return self._model.traced.light(self._coefficients).vertex_gradients(image_bar, lost_bar, knots)
 
 
 def completed(tensor: Any) -> Floats:

@@ -128,7 +128,7 @@ class Model:
             screen = self._light.screen
             nx, ny = map(int, counts)
             knots = [vertex_knots((space.kv_u.stop, space.kv_v.stop), (nx, ny)) for space in self._spaces]
-            return packed(self._light.light(at).vertex_gradients(screen.pad(bar), 0.0, knots))
+            return packed(self._light.light(at).pull_back(screen.pad(bar), 0.0, knots))
 
     def loss(self, coefficients: Coefficients) -> tuple[float, Coefficients]:
         """Return the project's own loss and its gradient, see `optics.designing.optimisation.Objective`.

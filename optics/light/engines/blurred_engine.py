@@ -129,12 +129,8 @@ class BlurredLight:
         """As of the sharp light: the blur moves as much light out as in."""
         return self.sharp.lost
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        return self.sharp.pull_back(self.model.blurred_back(image_bar), lost_bar)
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2)."""
-        return self.sharp.vertex_gradients(self.model.blurred_back(image_bar), lost_bar, knots)
+        """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`."""
+        return self.sharp.pull_back(self.model.blurred_back(image_bar), lost_bar, knots)

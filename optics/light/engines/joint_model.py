@@ -84,14 +84,10 @@ class JointLight:
         """As of the light along the path."""
         return self.path.lost
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        *fixed, rear = self.path.pull_back(image_bar, lost_bar)
-        return [*fixed, rear + self.within.pull_back(image_bar)[0]]
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2)."""
-        *fixed, rear = self.path.vertex_gradients(image_bar, lost_bar, knots)
-        return [*fixed, rear + self.within.vertex_gradients(image_bar, 0.0, knots[-1:])[0]]
+        """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`."""
+        *fixed, rear = self.path.pull_back(image_bar, lost_bar, knots)
+        (within,) = self.within.pull_back(image_bar, knots=None if knots is None else knots[-1:])
+        return [*fixed, rear + within]

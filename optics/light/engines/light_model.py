@@ -55,16 +55,14 @@ class Light(Protocol):
         """
         ...
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        ...
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2).
+        """Return the derivative by each sag's coefficients from those by `image` and `lost`.
 
-        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
+        knots : two knot vectors for every free surface; the derivative is then that by a net over these
+            knots.  Of degree 1 it is that by the heights of a bilinear grid, whose vertices are the knots
+            (thesis 6.2).
         """
         ...
 

@@ -124,22 +124,10 @@ class TracedLight:
         self._traced: tuple[Any, DrArray, DrArray] | None = model.traced(coefficients)
         self.image, self.lost = model.shown(*self._traced[1:])
 
-    def pull_back(self, image_bar: Floats, lost_bar: float = 0.0) -> list[Floats]:
-        """Return the derivative by each sag's coefficients from those by `image` and `lost`."""
-        return self._pulled_back(image_bar, lost_bar)
-
-    def vertex_gradients(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]]
+    def pull_back(
+        self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
-        """Return the derivative by the heights of a bilinear grid over every free surface (thesis 6.2).
-
-        knots : for each, two knot vectors of degree 1, whose knots are the vertices.
-        """
-        return self._pulled_back(image_bar, lost_bar, knots)
-
-    def _pulled_back(
-        self, image_bar: Floats, lost_bar: float, knots: Sequence[Sequence[KnotVector]] | None = None
-    ) -> list[Floats]:
+        """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`."""
         traced = self._traced or self._model.traced(self._coefficients)
         self._traced = None  # it holds the half of a derivative until the end
         slopes = self._model.pull_back(traced, image_bar, lost_bar, knots)

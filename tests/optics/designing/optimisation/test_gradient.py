@@ -152,7 +152,7 @@ def test_vertex_gradients_of_both_surfaces(backend):
     gradients = objective(coefficients(BOTH)).gradients
     light = objective._model.light(coefficients(BOTH))
     _, _, by_image = objective._penalised(light)
-    both = light.vertex_gradients(by_image, objective._lost_weight, knots)
+    both = light.pull_back(by_image, objective._lost_weight, knots)
     for g, signed, gradient in zip(found, both, gradients, strict=True):
         np.testing.assert_array_equal(np.abs(signed), g)
         assert signed.sum() == pytest.approx(gradient.sum(), abs=1e-10 * np.abs(gradient).sum())

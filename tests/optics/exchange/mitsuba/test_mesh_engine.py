@@ -82,7 +82,7 @@ def test_vertex_gradients_mark_the_same_cells(tmp_path, backend, name):
     at, surfaces = [s.coefficients for s in lens.sags], [s for s in (lens.front, lens.rear) if s.sag]
     knots = [vertex_knots(s.half_width, (12, 14)) for s in surfaces]
     bar = np.random.default_rng(4).standard_normal(exact.screen.padded)
-    found, wanted = (model.light(at).vertex_gradients(bar, 0.1, knots) for model in (mesh, exact))
+    found, wanted = (model.light(at).pull_back(bar, 0.1, knots) for model in (mesh, exact))
     for (kv_x, kv_y), surface, *gradients in zip(knots, surfaces, found, wanted):
         sums = [
             summed_over_cells(surface.sag.space, kv_x.greville(), kv_y.greville(), abs(g)) for g in gradients
