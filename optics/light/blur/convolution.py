@@ -14,7 +14,9 @@ that throws 200 mm wide pictures 300 mm far the spots differ by 3 %.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil, pi, radians, sin, sqrt
 
 import numpy as np
@@ -41,40 +43,41 @@ MOST_PARTS = 4096  # of all pixels in each direction: those of large pictures ar
 
 
 @dataclass(frozen=True, eq=False)
-class Convolution:
-    """The convolution of images with a spot; beyond their borders they are dark.
-
-    transfer : k^ of the spot, for images that are padded to `padded` (rows, columns).
-    """
-
-    transfer: Floats
-    padded: tuple[int, int]
-
-    def __call__(self, image: Floats) -> Floats:
-        """Return the image, blurred, on its own pixels."""
-        return _filtered(image, self.transfer, self.padded)
-
-
-@dataclass(frozen=True, eq=False)
 class BlurOnto:
     """The blur of light on a wide screen, as it is seen on a narrow one.
 
-    wide : wider than the narrow one by the reach of the blur.  reach : pixels.
+    wide : wider than the narrow one by the reach of the blur.  times : of its pixels in one of the narrow
+        screen, in each direction.  extra : pixels of the wide screen, its margin among them, on every side of
+        the narrow one.  convolution : of images on the wide screen.
     """
 
     wide: Screen
-    reach: int
-    convolution: Convolution
+    times: int
+    extra: int
+    convolution: Callable[[Floats], Floats]
 
     def __call__(self, image: Floats) -> Floats:
         """Return what the narrow screen sees of the light of the wide one."""
-        rows, columns = image.shape
-        blurred = self.convolution(image)
-        return blurred[self.reach : rows - self.reach, self.reach : columns - self.reach]
+        return self.narrowed(self.convolution(image))
 
     def back(self, image: Floats) -> Floats:
         """Return the adjoint: from the narrow screen to the wide one."""
-        return self.convolution(np.pad(image, self.reach))
+        return self.convolution(self.spread(image)) / self.times**2
+
+    def narrowed(self, image: Floats) -> Floats:
+        """Return the mean of an image of the wide screen on every pixel of the narrow one."""
+        extra, times = self.extra, self.times
+        inner = image[extra : image.shape[0] - extra, extra : image.shape[1] - extra]
+        if times == 1:
+            return inner.copy()
+        rows, columns = (n // times for n in inner.shape)
+        return inner.reshape(rows, times, columns, times).mean(axis=(1, 3))
+
+    def spread(self, image: Floats) -> Floats:
+        """Return an image of the narrow screen on the pixels of the wide one, dark beside it."""
+        if self.times > 1:
+            image = image.repeat(self.times, axis=0).repeat(self.times, axis=1)
+        return np.pad(image, self.extra)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,15 +143,25 @@ class Blur:
         wanted = min(most, ceil(ACROSS * min(screen.pitch) / self.width))
         return max(1, min(wanted, MOST_PARTS // max(screen.pixels)))
 
-    def convolution(self, screen: Screen, shape: tuple[int, int]) -> Convolution:
-        """Return the convolution of images of a shape (rows, columns), on pixels as large as the screen's."""
-        padded = self._padded(shape, screen)
-        return Convolution(self.transfer(screen, padded), padded)
+    def convolution(self, screen: Screen, shape: tuple[int, int]) -> Callable[[Floats], Floats]:
+        """Return the convolution of images of a shape (rows, columns), on pixels as large as the screen's.
 
-    def onto(self, screen: Screen) -> BlurOnto:
-        """Return the blur as a screen sees it; raises as `widened`."""
-        wide = self.widened(screen)
-        return BlurOnto(wide, self.reach(screen), self.convolution(wide, wide.shape))
+        Beyond their borders the images are dark.
+        """
+        padded = self._padded(shape, screen)
+        return partial(_filtered, transfer=self.transfer(screen, padded), shape=padded)
+
+    def onto(self, screen: Screen, times: int = 1, margin: int = 0) -> BlurOnto:
+        """Return the blur as a screen without a margin sees it.
+
+        times : pixels of the wide screen in one of this one, in each direction.  margin : of the wide screen,
+            in pixels of this one.
+
+        Raises UserError : see `widened`.
+        """
+        wide = replace(self.widened(screen).finer(times), margin=times * margin)
+        extra = times * (self.reach(screen) + margin)
+        return BlurOnto(wide, times, extra, self.convolution(wide, wide.padded))
 
     def sampled(self, image: Floats, screen: Screen, shifts: Floats) -> Floats:
         """Return the mean of an image at shifted places: a convolution with samples of the spot.

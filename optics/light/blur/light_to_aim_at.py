@@ -62,7 +62,7 @@ def aimed_light(blur: Blur, screen: Screen, target: Floats) -> tuple[Screen, Flo
     blurred = blur.onto(screen)
     goal = target / np.sqrt(np.mean(target**2))
     cost = LOST * (1 - blurred.back(np.ones(goal.shape)))
-    light = ahead = np.pad(goal, blurred.reach)
+    light = ahead = blurred.spread(goal)
     momentum = 1.0
     for _ in range(STEPS):
         gradient = blurred.back(blurred(ahead) - goal) + cost

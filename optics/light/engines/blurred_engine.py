@@ -9,11 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
-import numpy as np
-
-from optics.light.blur import Blur, Convolution
+from optics.light.blur import Blur, BlurOnto
 from optics.light.engines.light_model import Engine, Film, Light, LightModel
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
@@ -40,11 +37,9 @@ class BlurredEngine:
         Raises UserError : see `Blur.widened`.
         """
         narrow = replace(film.screen, margin=0)
-        times = self.blur.parts(narrow, FINEST)
-        wide = self.blur.widened(narrow).finer(times)
-        wide = replace(wide, margin=times * film.screen.margin)
-        model = self.sharp.model(system, lens, replace(film, screen=wide))
-        return BlurredModel(model, self.blur, narrow)
+        blurred = self.blur.onto(narrow, self.blur.parts(narrow, FINEST), film.screen.margin)
+        model = self.sharp.model(system, lens, replace(film, screen=blurred.wide))
+        return BlurredModel(model, blurred, narrow)
 
 
 def sharp_engine(engine: Engine) -> Engine:
@@ -57,11 +52,11 @@ class BlurredModel:
     """A `LightModel` of blurred light.
 
     sharp : the model of the light before, on a wider screen with finer pixels where the blur is narrow: what
-        lies within a pixel is moved as well.
+        lies within a pixel is moved as well.  blurred : from that screen to `screen`.
     """
 
     sharp: LightModel
-    blur: Blur
+    blurred: BlurOnto
     screen: Screen
 
     def light(self, coefficients: Sequence[Floats]) -> BlurredLight:
@@ -81,39 +76,7 @@ class BlurredModel:
 
     def filtered(self, image: Floats) -> Floats:
         """Return an irradiance that is constant on every pixel as the sharp engine would measure it."""
-        return self._narrow(self.sharp.filtered(self._wide(image)))
-
-    def blurred(self, image: Floats) -> Floats:
-        """Return the blur of an image on the wide screen, on the narrow one."""
-        return self._narrow(self._convolution(image))
-
-    def blurred_back(self, image_bar: Floats) -> Floats:
-        """Return the adjoint of `blurred`."""
-        return self._convolution(self._wide(image_bar)) / self._times**2
-
-    @cached_property
-    def _convolution(self) -> Convolution:
-        return self.blur.convolution(self.sharp.screen, self.sharp.screen.padded)
-
-    @property
-    def _times(self) -> int:
-        """How many pixels of the wide screen make one of the narrow one, in each direction."""
-        return round(self.screen.pitch[0] / self.sharp.screen.pitch[0])
-
-    @property
-    def _extra(self) -> int:
-        """Pixels of the wide screen on every side of the narrow one."""
-        return (self.sharp.screen.padded[0] - self._times * self.screen.padded[0]) // 2
-
-    def _wide(self, image: Floats) -> Floats:
-        fine = image.repeat(self._times, axis=0).repeat(self._times, axis=1)
-        return np.pad(fine, self._extra)
-
-    def _narrow(self, image: Floats) -> Floats:
-        extra, times = self._extra, self._times
-        inner = image[extra : image.shape[0] - extra, extra : image.shape[1] - extra]
-        rows, columns = (n // times for n in inner.shape)
-        return inner.reshape(rows, times, columns, times).mean(axis=(1, 3))
+        return self.blurred.narrowed(self.sharp.filtered(self.blurred.spread(image)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,4 +96,4 @@ class BlurredLight:
         self, image_bar: Floats, lost_bar: float = 0.0, knots: Sequence[Sequence[KnotVector]] | None = None
     ) -> list[Floats]:
         """Return the derivative by each sag's coefficients, or by a net over other knots, see `Light`."""
-        return self.sharp.pull_back(self.model.blurred_back(image_bar), lost_bar, knots)
+        return self.sharp.pull_back(self.model.blurred.back(image_bar), lost_bar, knots)
