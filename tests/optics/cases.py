@@ -11,7 +11,7 @@ from optics.base.runtime import load_backend
 from optics.exchange.results import ResultFolder, ResultWriter
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import collimated_beam
 from optics.scene.system import OpticalSystem
@@ -109,6 +109,12 @@ DOME = HOLLOW | {  # thesis Table 6.3: a square Lambertian emitter of 1 mm in th
     "target.lit": [0.6, 0.4],
     "target.pixels": [40, 30],
 }
+GLOWING = {
+    "source.kind": "lambertian",
+    "source.half_width": [0.5, 0.5],
+    "source.distance": 8.0,
+    "source.half_angle": 30.0,
+}
 PLANE, PARABOLOID = Conic(), Conic(40.0, -1.0)
 TARGET_Z = 66.0  # of a plane 60 mm behind the small lens
 
@@ -166,6 +172,27 @@ def loaded(folder, changes=None, image=None, **options):
 def example_system(name, changes=None):
     """Return the OpticalSystem of an example; changes : {"table.key": value}."""
     return OpticalSystem(load_problem(EXAMPLES / f"{name}.toml", changes))
+
+
+def small_problem(folder, changes=None, **more):
+    """Return the small problem, written into a folder and loaded.  more : as of `write_problem`."""
+    return load_problem(write_problem(folder, changes, **more))
+
+
+def small_system(folder, changes=None, **more):
+    """Return the system of the small problem, see `small_problem`."""
+    return OpticalSystem(small_problem(folder, changes, **more))
+
+
+def flat_problem(source, target=(), lens=(), **more):
+    """Return the problem of a lens of plane faces, 20 mm wide, 60 mm before an even target.
+
+    source, target, lens : what their tables hold, or hold otherwise.  more : other tables.
+    """
+    size = {"half_width": (10, 10)}
+    lens = {"index": 1.5, "thickness": 6, "front": size, "rear": size} | dict(lens)
+    target = {"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (16, 16)} | dict(target)
+    return Problem(source=source, lens=lens, target=target, **more)
 
 
 def alone(system, wavelength):
@@ -226,6 +253,13 @@ def coefficients(lens):
 def rough(space, height=0.02, seed=5):
     """Return random coefficients of at most `height` mm."""
     return np.random.default_rng(seed).uniform(-height, height, space.dim)
+
+
+def roughened(lens, height=0.02, seeds=(5, 5)):
+    """Return a lens with the coefficients of `rough` on its sags, front first."""
+    return lens.with_sags(
+        [THBSurface(sag.space, rough(sag.space, height, seed)) for sag, seed in zip(lens.sags, seeds)]
+    )
 
 
 def moved_point(text, point, change):

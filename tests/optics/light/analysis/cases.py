@@ -3,10 +3,7 @@
 import numpy as np
 
 from optics.light.analysis import cell_irradiance
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import HOLLOW, rough, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.cases import HOLLOW, roughened, small_system
 
 POINT = HOLLOW | {
     "lens.rear.freeform.spans": [4, 4],
@@ -28,13 +25,21 @@ WHOLE = {
 }
 
 
+def through_plate(angle, index=1.5):
+    """Return how much of unpolarised light passes a plane plate once, through both faces, by Fresnel's
+    equations.  angle : in air."""
+    outside, inside = np.cos(angle), np.sqrt(1 - (np.sin(angle) / index) ** 2)
+    s = ((outside - index * inside) / (outside + index * inside)) ** 2
+    p = ((index * outside - inside) / (index * outside + inside)) ** 2
+    return ((1 - s) ** 2 + (1 - p) ** 2) / 2
+
+
 class Made:
     """A problem with a rough sag on its rear."""
 
     def __init__(self, folder, changes, backend, height=0.1):
-        self.system, self.backend = OpticalSystem(load_problem(write_problem(folder, changes))), backend
-        space = self.system.lens.rear.sag.space
-        self.lens = self.system.lens.with_sags([THBSurface(space, rough(space, height))])
+        self.system, self.backend = small_system(folder, changes), backend
+        self.lens = roughened(self.system.lens, height)
         self.screen = self.system.target.screen()
 
     def light(self, *counts):

@@ -18,8 +18,7 @@ from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
-from tests.optics.cases import DOME, rough, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.cases import DOME, roughened, small_system
 
 STRONG = DOME | {"source.flux": 3.0, "target.pixels": [10, 8]}
 POINT = {"source.kind": "point", "source.half_angle": 85.0, "source.exponent": 1.0}
@@ -27,12 +26,7 @@ NARROW = {"source.half_angle": 20.0}
 
 
 def system_of(folder, changes):
-    return OpticalSystem(load_problem(write_problem(folder, STRONG | changes)))
-
-
-def lens_of(system):
-    space = system.lens.rear.sag.space
-    return system.lens.with_sags([THBSurface(space, rough(space, 0.5))])
+    return small_system(folder, STRONG | changes)
 
 
 @pytest.fixture(
@@ -42,7 +36,7 @@ def lens_of(system):
 def found(request, tmp_path_factory, backend):
     """Return (system, lens, OtherLight, metrics with it)."""
     system, light = system_of(tmp_path_factory.mktemp("ways"), request.param), []
-    lens = lens_of(system)
+    lens = roughened(system.lens, 0.5)
 
     def kept(*arguments):
         light.append(nonsequential_light(*arguments))
@@ -170,7 +164,7 @@ def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_i
     """Parallel light up to the rear leaves by it within the foot of the walls alone, but for what inner
     reflections bring: a hundredth of the light."""
     keys = {"lens.body.draft": 30.0, "lens.body.parting": 0.5, "target.half_width": [12.0, 12.0]}
-    system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+    system = small_system(tmp_path, keys)
     metrics = measure(system, system.lens, backend).metrics
     assert metrics["paths"] == "all"
     assert metrics["nonsequential"]["by_other_ways"] < -NEGLIGIBLE

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from optics.light.analysis import sections
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
 
 SUN = 0.2665  # degrees, half of its disk
 
@@ -23,7 +21,7 @@ SUN = 0.2665  # degrees, half of its disk
     ids=["parallel", "sun", "beam", "point", "lamp"],
 )
 def test_phase_space_at_the_source_reaches_as_far_as_its_light(tmp_path, backend, changes, angle):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+    system = small_system(tmp_path, changes)
     points = sections(system, system.lens, backend)["source"][0].points
     assert np.abs(points[3]).max() == pytest.approx(0.98 * np.sin(np.radians(angle)), rel=1e-3)
     assert points[3].min() == -points[3].max()

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import optics
-from optics.scene.problem import load_problem
 from optics.scene.ray_files import RaySet, write_rays
 from optics.scene.sources import PointSource, Profile, lambertian_parts, mirror_half
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import rough, small_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 20.0}
 COUNT = 1 << 18
@@ -25,7 +24,7 @@ def lamp(tmp_path_factory):
 def of_file(folder, **more):
     keys = {"source.kind": "rays", "source.file": "lamp.tm25ray", "source.distance": 20.0}
     changes = keys | {"source.half_width": [0.0, 0.0]} | more
-    return optics.System(load_problem(write_problem(folder, changes)))
+    return optics.System(small_problem(folder, changes))
 
 
 def blocks(image, side=8):
@@ -34,7 +33,7 @@ def blocks(image, side=8):
 
 @pytest.mark.slow
 def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
-    theirs = optics.System(load_problem(write_problem(tmp_path, LAMP)))
+    theirs = optics.System(small_problem(tmp_path, LAMP))
     ours = of_file(lamp)
     lens = theirs.optical.lens
     a, b = theirs.measure(lens), ours.measure(lens)

@@ -8,9 +8,9 @@ from optics.base.runtime import load_backend
 from optics.light.analysis import sequential
 from optics.light.analysis.light_of_rays import ray_irradiance
 from optics.scene.luminaires import Luminaire, Opening, write_ies
-from optics.scene.problem import load_problem
 from optics.scene.sources import PointSource, mirror_half
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import rough, small_problem
+from tests.optics.light.analysis.cases import through_plate
 from tests.optics.scene.luminaires.cases import asymmetric, lambertian, narrow
 
 WINDOW = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
@@ -35,16 +35,7 @@ def lit(folder, **more):
         "source.half_width": [0.0, 0.0],
         "source.flux": 0.0,
     }
-    return optics.System(load_problem(write_problem(folder, keys | more)))
-
-
-def transmitted(cosine, index):
-    """Return how much of unpolarised light passes a plane window once, by Fresnel's equations."""
-    sine = np.sqrt(1 - cosine**2) / index
-    inside = np.sqrt(1 - sine**2)
-    s = ((cosine - index * inside) / (cosine + index * inside)) ** 2
-    p = ((index * cosine - inside) / (index * cosine + inside)) ** 2
-    return ((1 - s) ** 2 + (1 - p) ** 2) / 2
+    return optics.System(small_problem(folder, keys | more))
 
 
 def through_window(light, x, y, before, thickness, behind, index):
@@ -62,7 +53,7 @@ def through_window(light, x, y, before, thickness, behind, index):
     spread[0] = 1 / dr[0] ** 2
     at = np.hypot(x, y)
     gamma = np.interp(at, r, theta)
-    passed = transmitted(np.cos(gamma), index)
+    passed = through_plate(gamma, index)
     c = np.degrees(np.arctan2(-y, x)) % 360
     return light.at(c, np.degrees(gamma)) * passed * np.interp(at, r, spread)
 

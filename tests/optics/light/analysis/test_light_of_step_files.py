@@ -16,12 +16,9 @@ from optics.light.tracing import (
     Tracer,
     trace_nonsequential,
 )
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from oracles.step_branches import file_branches, file_sequence
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import roughened, small_system
 from thbcad.cad.exchange import step_bytes
-from thbcad.surfaces import THBSurface
 
 pytestmark = pytest.mark.slow
 
@@ -93,9 +90,8 @@ FATE = {
 def made(request, tmp_path_factory, backend):
     """Return system, lens, and its File."""
     folder = tmp_path_factory.mktemp("light")
-    system = OpticalSystem(load_problem(write_problem(folder, POINT | LENSES[request.param])))
-    space = system.lens.rear.sag.space
-    lens = system.lens.with_sags([THBSurface(space, rough(space, 0.02))])
+    system = small_system(folder, POINT | LENSES[request.param])
+    lens = roughened(system.lens)
     (folder / "lens.step").write_bytes(step_bytes(system.solid(lens)))
     return system, lens, File(system, lens, folder / "lens.step", backend)
 

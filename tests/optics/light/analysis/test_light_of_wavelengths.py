@@ -7,9 +7,8 @@ from optics.base.runtime import UserError
 from optics.light.analysis import fringe, measure
 from optics.scene.materials import MATERIALS
 from optics.scene.photometry import spectral_lines, srgb, white_of
-from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import alone, rough, write_problem
+from tests.optics.cases import GLOWING, alone, roughened, small_system
 from thbcad.surfaces import THBSurface
 
 TILT = 0.35  # of the prism's rear, dz/dy
@@ -17,17 +16,11 @@ SMALL = {"target.pixels": [24, 24]}
 TWO = {"lens.material": "PC", "source.spectrum": [[450.0, 1.0], [650.0, 3.0]]}
 POINT = {"source.kind": "point", "source.distance": 30.0, "source.half_angle": 12.0}
 DIVERGING = {"source.divergence": 0.3}
-GLOWING = {
-    "source.kind": "lambertian",
-    "source.half_width": [0.5, 0.5],
-    "source.distance": 8.0,
-    "source.half_angle": 30.0,
-}
 
 
 def system_of(folder, changes):
     drop = ("lens.index",) if "lens.material" in changes or "lens.indices" in changes else ()
-    return OpticalSystem(load_problem(write_problem(folder, SMALL | changes, drop=drop)))
+    return small_system(folder, SMALL | changes, drop=drop)
 
 
 def parts(measurement, system):
@@ -154,7 +147,7 @@ def test_light_that_nobody_sees_has_no_fringe(tmp_path, backend):
 
 def test_one_line_is_measured_at_its_wavelength(tmp_path, backend):
     system = system_of(tmp_path, {"lens.material": "PC", "source.spectrum": [[650.0, 5.0]]})
-    lens = system.lens.with_sags([THBSurface(s.space, rough(s.space)) for s in system.lens.sags])
+    lens = roughened(system.lens)
     red = alone(system, system.wavelengths[0])
     shaped = red.lens.with_sags(lens.sags)
     wanted = measure(red, shaped, backend).irradiance

@@ -1,7 +1,6 @@
 """What a lens delivers, measured with cells; with fresh rays where the source is extended."""
 
 import json
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -9,24 +8,16 @@ import pytest
 
 from optics.light.analysis import light_of_rays
 from optics.light.analysis.metrics import compare, measure
-from optics.scene.problem import load_problem
 from optics.scene.sources import LambertianArea
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import picture, write_problem
+from tests.optics.cases import GLOWING, picture, small_system
 
-GLOWING = {
-    "source.kind": "lambertian",
-    "source.half_width": [0.5, 0.5],
-    "source.distance": 8.0,
-    "source.half_angle": 40.0,
-    "target.pixels": [48, 48],
-}
+LAMP = GLOWING | {"source.half_angle": 40.0}
 PLATE = {"lens.rear.radius": np.inf, "target.half_width": [9.5, 9.5]}
 
 
 def measured(folder, backend, changes=None, image=None):
-    problem = load_problem(write_problem(folder, changes, image))
-    return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend)
+    system = small_system(folder, changes, image=image)
+    return measure(system, system.lens, backend)
 
 
 def test_equal_pictures_have_no_error():
@@ -105,12 +96,12 @@ def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypa
 
     with monkeypatch.context() as patch:
         patch.setattr(LambertianArea, "parts", watched)
-        result = measured(tmp_path, backend, GLOWING)
-        OpticalSystem(load_problem(write_problem(tmp_path, GLOWING))).source.rays((48, 48))
+        result = measured(tmp_path, backend, LAMP)
+        small_system(tmp_path, LAMP).source.rays((48, 48))
     for one, other in combinations(seeds, 2):
         assert not np.allclose(one, other)
     monkeypatch.setattr(light_of_rays, "RAYS_PER_PIXEL", 16 * light_of_rays.RAYS_PER_PIXEL)
-    exact = measured(tmp_path, backend, GLOWING | {"run.seed": 77})
+    exact = measured(tmp_path, backend, LAMP | {"run.seed": 77})
     light, truth, target = (i / i.mean() for i in (result.irradiance, exact.irradiance, result.target))
     error = np.linalg.norm(light - truth) / np.linalg.norm(target)
     assert result.metrics["rel_l2_floor"] == pytest.approx(error, rel=0.2)
@@ -122,9 +113,9 @@ def test_rays_are_fresh_and_their_error_is_the_error(tmp_path, backend, monkeypa
 
 @pytest.mark.slow
 def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
-    whole = measured(tmp_path, backend, GLOWING)
+    whole = measured(tmp_path, backend, LAMP)
     monkeypatch.setattr(light_of_rays, "RAYS_AT_ONCE", 1 << 12)
-    sliced = measured(tmp_path, backend, GLOWING)
+    sliced = measured(tmp_path, backend, LAMP)
     np.testing.assert_allclose(
         sliced.irradiance, whole.irradiance, rtol=0, atol=1e-12 * whole.irradiance.max()
     )
@@ -132,14 +123,12 @@ def test_tracing_in_slices_changes_nothing(tmp_path, backend, monkeypatch):
 
 
 def seeded(folder, backend, changes, seed):
-    problem = load_problem(write_problem(folder, changes))
-    problem = replace(problem, run=replace(problem.run, seed=seed))
-    return measure(OpticalSystem(problem), OpticalSystem(problem).lens, backend).irradiance
+    return measured(folder, backend, changes | {"run.seed": seed}).irradiance
 
 
 @pytest.mark.slow
 def test_the_seed_moves_the_rays_and_only_it(tmp_path, backend):
-    first, again, other = (seeded(tmp_path, backend, GLOWING, seed) for seed in (0, 0, 1))
+    first, again, other = (seeded(tmp_path, backend, LAMP, seed) for seed in (0, 0, 1))
     np.testing.assert_allclose(again, first, rtol=0, atol=1e-12 * first.max())
     assert not np.allclose(other, first, rtol=1e-6)
 

@@ -8,7 +8,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
 from thbcad.lens import FreeformSurface
 
 
@@ -21,7 +21,7 @@ from thbcad.lens import FreeformSurface
     ],
 )
 def test_a_coated_lens_is_said_to_be_one(tmp_path, keys, words):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, keys)))
+    system = small_system(tmp_path, keys)
     assert passing_words(passing_share(system.path(system.lens))) == words
 
 

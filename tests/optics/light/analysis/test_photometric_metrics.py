@@ -9,9 +9,10 @@ import pytest
 from optics.light.analysis import measure, photometric_lines
 from optics.scene.photometry import units_of
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import solvable_system
 from tests.cases import EXAMPLES
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
+from tests.optics.light.analysis.cases import through_plate
 
 PLATE = {"lens.rear.radius": np.inf, "source.flux": 500.0}
 SQUARE = PLATE | {  # parallel light behind a plane plate: as wide as the beam, and even
@@ -39,17 +40,10 @@ def metrics(tmp_path, backend):
     """A function from changes of the problem to the metrics of its unoptimised lens."""
 
     def made(changes):
-        system = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+        system = small_system(tmp_path, changes)
         return measure(system, system.lens, backend).metrics
 
     return made
-
-
-def transmittance(angle):
-    """Return what a plate of index 1.5 passes once through both faces at an angle in air, by Fresnel."""
-    c, g = np.cos(angle), np.sqrt(1.5**2 - np.sin(angle) ** 2)
-    s, p = ((c - g) / (c + g)) ** 2, ((1.5**2 * c - g) / (1.5**2 * c + g)) ** 2
-    return ((1 - s) ** 2 + (1 - p) ** 2) / 2
 
 
 def test_an_isotropic_point_behind_a_window_has_the_intensity_of_its_cone(metrics):
@@ -62,7 +56,7 @@ def test_an_isotropic_point_behind_a_window_has_the_intensity_of_its_cone(metric
     assert beam["peak_cd_per_klm"] == pytest.approx(2 * beam["peak_cd"], rel=1e-14)
     for angle in ("beam_angle_c0", "beam_angle_c90", "field_angle_c0", "field_angle_c90"):
         assert beam[angle] == pytest.approx(40, abs=50 / 101)  # a pixel
-    darkest = transmittance(radians(15.0)) / ON_AXIS  # at the rim of the lit disk, 0.9996
+    darkest = through_plate(radians(15.0)) / ON_AXIS  # at the rim of the lit disk, 0.9996
     assert even["min_over_max"] == pytest.approx(darkest, abs=2 * WORST)
     assert even["noise"] < WORST / 5  # the greatest of all boxes
     assert even["box_degrees"] == pytest.approx([59 * 50 / 101 / 21] * 2)  # 59 pixels lie wholly in the disk
@@ -151,6 +145,6 @@ def test_the_mean_on_a_sphere_is_flux_over_area(backend):
 def test_noise_that_is_cut_off_adds_no_light(tmp_path, backend):
     """Every pixel is lit, so that both efficiencies are one."""
     rough = {"lens.rear.slope_rms": 0.02, "target.kind": "tophat", "target.lit": (1.0, 1.0)}
-    system = OpticalSystem(load_problem(write_problem(tmp_path, rough | {"target.half_width": (90.0, 90.0)})))
+    system = small_system(tmp_path, rough | {"target.half_width": (90.0, 90.0)})
     found = measure(system, system.lens, backend).metrics
     assert found["lit_efficiency"] == pytest.approx(found["efficiency"], rel=1e-12)

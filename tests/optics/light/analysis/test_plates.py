@@ -9,12 +9,11 @@ from optics.base.runtime import UserError
 from optics.designing.etendue import bounds_hold
 from optics.light.analysis import crosstalk, measure
 from optics.light.outgoing import outgoing_intensity, outgoing_rays
-from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.form_errors import form_errors_of
 from optics.tolerancing.machining import light_with_cusps
 from optics.tolerancing.perturbations import PerturbedLight
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_problem
 
 PLATE = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 25.0, "lens.thickness": 8.0}
 POINT = {"source.kind": "point", "source.half_angle": 70.0, "source.distance": 4.0}
@@ -28,7 +27,7 @@ def pair(tmp_path):
     """Return the systems of a plate and of one of its lenses."""
 
     def made(keys):
-        plate = load_problem(write_problem(tmp_path, PLATE | keys))
+        plate = small_problem(tmp_path, PLATE | keys)
         return OpticalSystem(plate), OpticalSystem(replace(plate, lens=replace(plate.lens, array=None)))
 
     return made

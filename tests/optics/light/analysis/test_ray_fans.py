@@ -1,37 +1,31 @@
 """The fans of rays that are drawn."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from optics.light.analysis.lens_trace import FAN, WIDEST, fans
 from optics.light.tracing import FATES
-from optics.scene.problem import load_problem
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import DOME, rough, target_z, tracer_to, write_problem
+from tests.optics.cases import DOME, rough, small_system, target_z, tracer_to
 from thbcad.surfaces import THBSurface
 
 POINT = {"source.kind": "point", "source.half_angle": 60.0, "source.exponent": 2.0}
 
 
 def loaded(folder, changes, sag=None):
-    """Return the problem, its lens with a sag (a function of the space), and its target's light."""
-    problem = load_problem(write_problem(folder, DOME | changes))
-    lens = OpticalSystem(problem).lens
-    if sag is not None:
-        space = lens.rear.sag.space
-        lens = lens.with_sags([THBSurface(space, sag(space))])
-    return SimpleNamespace(problem=problem, lens=lens, light=OpticalSystem(problem).target.light)
+    """Return the system and its lens with a sag, a function of the space."""
+    system = small_system(folder, DOME | changes)
+    if sag is None:
+        return system, system.lens
+    space = system.lens.rear.sag.space
+    return system, system.lens.with_sags([THBSurface(space, sag(space))])
 
 
 @pytest.mark.parametrize("half_angle", [90.0, 20.0])
 def test_fans_start_from_the_sources_middle_in_the_plane_of_y_and_z(tmp_path, backend, half_angle):
     """A lens that is its own mirror image in x keeps every path in the plane; first segments show the
     directions."""
-    made = loaded(tmp_path, {"source.half_angle": half_angle})
-    found = fans(OpticalSystem(made.problem), made.lens, backend)
+    found = fans(*loaded(tmp_path, {"source.half_angle": half_angle}), backend)
     assert sorted(found) == ["equal angles", "equal steps of the sine"]
     widest = WIDEST * half_angle
     for name, paths in found.items():
@@ -56,8 +50,7 @@ def even(space):
 @pytest.mark.parametrize("changes", [{}, {"source.half_angle": 50.0}, POINT], ids=["wide", "narrow", "point"])
 @pytest.mark.parametrize("sag", [None, even], ids=["conic", "even in y"])
 def test_a_lens_that_is_even_in_y_has_even_fans(tmp_path, backend, sag, changes):
-    made = loaded(tmp_path, changes, sag)
-    for paths in fans(OpticalSystem(made.problem), made.lens, backend).values():
+    for paths in fans(*loaded(tmp_path, changes, sag), backend).values():
         assert [p.fate for p in paths] == [p.fate for p in paths[::-1]]
         for one, other in zip(paths, paths[::-1]):
             np.testing.assert_allclose(other.points * [1, -1, 1], one.points, rtol=1e-9, atol=1e-8)
@@ -65,14 +58,12 @@ def test_a_lens_that_is_even_in_y_has_even_fans(tmp_path, backend, sag, changes)
 
 def test_a_rays_landing_point_is_that_of_the_sequential_trace(tmp_path, backend):
     """Paths of four points went front, rear, target; the middle rays of a narrow fan all do."""
-    made = loaded(tmp_path, {"source.half_angle": 40.0}, lambda space: rough(space, 0.3))
-    for paths in fans(OpticalSystem(made.problem), made.lens, backend).values():
+    system, lens = loaded(tmp_path, {"source.half_angle": 40.0}, lambda space: rough(space, 0.3))
+    for paths in fans(system, lens, backend).values():
         first = np.array([p.points[1] - p.points[0] for p in paths])
         direction = first / np.linalg.norm(first, axis=1, keepdims=True)
         rays = Rays(np.array([p.points[0] for p in paths]).T, direction.T, np.ones(len(paths)))
-        _, landing = tracer_to(backend, made.lens, rays, target_z(made.problem)).trace(
-            [made.lens.rear.sag.coefficients]
-        )
+        landing = tracer_to(backend, lens, rays, target_z(system.problem)).landed()
         assert [len(p.points) for p in paths] == [4] * FAN
         expected = np.stack([landing.x.numpy(), landing.y.numpy()], axis=1)
         np.testing.assert_allclose([p.points[-1][:2] for p in paths], expected, rtol=0, atol=1e-6)

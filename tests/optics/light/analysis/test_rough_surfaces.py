@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import optics
-from optics.scene.problem import load_problem
 from tests.cases import slow_unless
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_problem
 
 PIXELS = 96
 PLATE = {
@@ -23,7 +22,7 @@ BEAM = 9.5**2 / 3  # variance of both, mm^2
 
 def variance(folder, changes):
     """The variance of x over the target's light, mm^2, without that within a pixel; and the measurement."""
-    system = optics.System(load_problem(write_problem(folder, PLATE | changes)))
+    system = optics.System(small_problem(folder, PLATE | changes))
     measured = system.measure(system.optical.lens)
     x = (2 * np.arange(PIXELS) + 1) / PIXELS * 20 - 20
     row = measured.irradiance.sum(axis=0)

@@ -7,11 +7,10 @@ from scipy.optimize import minimize
 from optics.base.runtime import load_backend
 from optics.light.blur import Blur, LandingShifts, aimed, aimed_light
 from optics.light.blur.light_to_aim_at import LOST, PEAK
-from optics.scene.problem import load_problem
 from optics.scene.receivers import Screen
 from optics.scene.sources import Divergence
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_problem, small_system
 
 SCREEN = Screen((8.0, 6.0), (16, 12))
 SHIFTS = LandingShifts(200 * np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), 0.0)
@@ -80,7 +79,7 @@ def test_a_blur_much_narrower_than_a_pixel_leaves_the_target():
 
 def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     backend = load_backend("double", 1)
-    blurred = OpticalSystem(load_problem(write_problem(tmp_path, SUN)))
+    blurred = small_system(tmp_path, SUN)
     system = aimed(blurred, blurred.lens, backend)
     assert not system.blurred
     assert system.aim is not None
@@ -89,7 +88,7 @@ def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     light = system.goal.irradiance(system.goal.screen(), 2.0)
     assert light.sum() * system.goal.screen().pixel_area == pytest.approx(2.0)
     assert aimed(system, system.lens, backend) is system
-    plain = OpticalSystem(load_problem(write_problem(tmp_path)))
+    plain = small_system(tmp_path)
     assert aimed(plain, plain.lens, backend) is plain
     assert plain.goal is plain.target
 
@@ -99,14 +98,14 @@ def test_a_wide_blur_is_aimed_through_on_merged_pixels(tmp_path):
     """It hides them anyway, and reaches far: 12 degrees over 60 mm are 16 pixels here, or a thousand."""
     for pixels, most in ((48, 48 + 2 * 20), (2048, 2048 // 8 + 2 * 66)):
         changes = {"source.divergence": 12.0, "target.pixels": [pixels, pixels]}
-        blurred = OpticalSystem(load_problem(write_problem(tmp_path, changes)))
+        blurred = small_system(tmp_path, changes)
         screen = aimed(blurred, blurred.lens, load_backend("double", 1)).goal.screen()
         assert max(screen.pixels) <= most
 
 
 def test_the_far_field_has_an_aim_of_intensities(tmp_path):
     far = {"target.distance": float("inf"), "target.half_width": [15.0, 15.0], "target.kind": "tophat"}
-    problem = load_problem(write_problem(tmp_path, SUN | far, drop=("target.image",)))
+    problem = small_problem(tmp_path, SUN | far, drop=("target.image",))
     blurred = OpticalSystem(problem)
     system = aimed(blurred, blurred.lens, load_backend("double", 1))
     screen = system.goal.screen()

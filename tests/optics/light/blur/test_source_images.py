@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from optics.light.blur import patch_images, spot_rms
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
 
 WINDOW = {
     "lens.rear.radius": np.inf,
@@ -19,7 +17,7 @@ WINDOW = {
 
 
 def spread(folder, backend, changes):
-    system = OpticalSystem(load_problem(write_problem(folder, WINDOW | changes)))
+    system = small_system(folder, WINDOW | changes)
     return spot_rms(system, system.lens, backend), system
 
 

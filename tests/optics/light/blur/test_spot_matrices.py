@@ -4,21 +4,15 @@ import numpy as np
 import pytest
 
 from optics.light.blur.spot_matrices import landing_shifts
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, target_z, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.cases import roughened, small_system, target_z
 
 PLATE = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "target.distance": 200.0}
 DIAGONAL = np.eye(2)
 
 
 def shifts_of(folder, changes, backend, bumps=0.0):
-    system = OpticalSystem(load_problem(write_problem(folder, changes)))
-    lens = system.lens
-    if bumps:
-        (sag,) = lens.sags
-        lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, bumps))])
+    system = small_system(folder, changes)
+    lens = roughened(system.lens, bumps)
     return landing_shifts(system, system.path(lens), backend), system, lens
 
 

@@ -1,5 +1,7 @@
 """Blurred light models: derivatives against differences, adjoints, and what they measure against beams."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,14 @@ import optics
 from optics.light.analysis import measure
 from optics.light.blur import blur_of
 from optics.light.engines import BlurredEngine, ExactEngine, Film
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
 from tests.cases import slow_unless
-from tests.optics.cases import assert_gradient_of_loss, coefficients, rough, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.cases import (
+    assert_gradient_of_loss,
+    coefficients,
+    roughened,
+    small_problem,
+    small_system,
+)
 
 SUN = {"source.divergence_profile": "sun", "source.divergence": 1.5}
 CASES = {
@@ -32,9 +37,8 @@ CASES = {
 
 
 def model_of(folder, changes, backend):
-    system = OpticalSystem(load_problem(write_problem(folder, changes)))
-    bumps = [THBSurface(s.space, rough(s.space, 0.05, seed=k)) for k, s in enumerate(system.lens.sags)]
-    lens = system.lens.with_sags(bumps)
+    system = small_system(folder, changes)
+    lens = roughened(system.lens, 0.05, count())
     engine = BlurredEngine(ExactEngine(backend), blur_of(system, system.path(lens), backend))
     film = Film(system.target.screen(margin=4), (161, 161))
     return engine.model(system.shaping, lens, film), lens, system
@@ -66,7 +70,7 @@ def test_derivatives_are_differences(tmp_path, backend, case):
 )
 def test_gradient_is_that_of_the_loss(tmp_path, case):
     """Along the gradient the sums over pixels smooth their borders: differences of 1e-6 mm err by 4e-10."""
-    assert_gradient_of_loss(optics.System(load_problem(write_problem(tmp_path, CASES[case]))), (97, 97))
+    assert_gradient_of_loss(optics.System(small_problem(tmp_path, CASES[case])), (97, 97))
 
 
 @pytest.mark.slow
@@ -97,7 +101,7 @@ def test_a_target_is_asked_for_as_it_is(tmp_path, backend):
 @pytest.mark.slow
 def test_a_design_for_the_sun_is_better_there_than_a_sharp_one(tmp_path):
     """And it makes a picture that is too sharp for parallel light."""
-    problem = load_problem(write_problem(tmp_path, SUN | {"optimizer.iterations": [20]}))
+    problem = small_problem(tmp_path, SUN | {"optimizer.iterations": [20]})
     sharp = problem.with_(**{"source.divergence": 0.0, "source.divergence_profile": "uniform"})
     of_sun, of_sharp = optics.design(problem), optics.design(sharp)
     relit = of_sharp.relight(problem.source).metrics["rel_l2"]

@@ -1,18 +1,16 @@
 """Light by other ways that follows the rear: the closed lens's own branches, and derivatives both ways."""
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
 
 from optics.light.engines import ExactEngine, Film, JointModel, light_within
 from optics.light.tracing import FATES, TargetArea, trace_nonsequential
-from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import DOME, rough, write_problem
-from thbcad.surfaces import THBSurface
+from tests.optics.cases import DOME, roughened, small_system
 
 SMALL = DOME | {"target.pixels": [24, 24]}
 BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
@@ -20,9 +18,8 @@ BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
 
 def followed(folder, backend, changes, bounces=12):
     """Return (system, lens, all its branches, those within before the rear as rays)."""
-    system = OpticalSystem(load_problem(write_problem(folder, SMALL | changes)))
-    lens = system.lens
-    lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.2, k)) for k, s in enumerate(lens.sags)])
+    system = small_system(folder, SMALL | changes)
+    lens = roughened(system.lens, 0.2, count())
     rays, path = system.own_rays(system.source.rays((48, 48)), lens), system.own_path(lens)
     area = TargetArea.of(path, system.target.screen().half_width)
     every = trace_nonsequential(backend, lens, rays, area, bounces, threshold=0.0)

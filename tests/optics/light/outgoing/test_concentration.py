@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
 from optics.light.outgoing.concentration import _gathered
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from tests.cases import THOROUGH, examples
-from tests.optics.cases import rough, tracer_to, write_problem
+from tests.optics.cases import roughened, small_system, tracer_to
 
 FOCUS = 400.0  # mm, of the rear -R / (n - 1), K = -n^2, which images parallel light to a point
 BURNING = {"lens.rear.radius": -200.0, "lens.rear.conic": -2.25, "target.distance": 480.0}
@@ -40,7 +40,7 @@ def concentrated(tmp_path_factory, backend):
 
     def found(changes):
         if (key := repr(changes)) not in known:
-            system = OpticalSystem(load_problem(write_problem(folder, changes)))
+            system = small_system(folder, changes)
             known[key] = system, greatest_concentration(system, system.lens, backend)
         return known[key]
 
@@ -124,9 +124,8 @@ def test_the_far_field_is_followed_ten_metres(concentrated):
 def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     """Rays of another grid through a rough lens: disks around many rays on planes at random."""
     rng, backend = np.random.default_rng(seed), load_backend("double", 1)
-    system = OpticalSystem(load_problem(write_problem(tmp_path_factory.mktemp("rough"), {})))
-    sag = system.lens.sags[-1]
-    lens = system.lens.with_sags([replace(sag, coefficients=rough(sag.space, height, seed % 1000))])
+    system = small_system(tmp_path_factory.mktemp("rough"), {})
+    lens = roughened(system.lens, height, [seed % 1000])
     found = greatest_concentration(system, lens, backend)
     rays = system.source.rays((701, 701))
     each = rays.total / rays.flux.size

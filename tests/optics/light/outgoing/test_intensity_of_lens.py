@@ -7,11 +7,10 @@ import optics
 from optics.base.runtime import load_backend
 from optics.light.outgoing import outgoing_intensity
 from optics.light.tracing import TargetArea, trace_nonsequential
-from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, write_problem
+from oracles.light_formulas import fresnel
+from tests.optics.cases import rough, small_problem, small_system
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.1, 0.1], "source.distance": 2.0}
 PLATE = LAMP | {
@@ -22,17 +21,10 @@ PLATE = LAMP | {
 }
 
 
-def passed(theta, index):
-    """Return the transmittance of a face for unpolarised light, by Fresnel's equations."""
-    a, b = np.cos(theta), np.sqrt(1 - (np.sin(theta) / index) ** 2)
-    s, p = (a - index * b) / (a + index * b), (index * a - b) / (index * a + b)
-    return 1 - (s**2 + p**2) / 2
-
-
 @pytest.mark.slow
 def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_path):
     """With t = 1 - r at each face, t^2 / (1 - r^2) goes on, and t^2 r / (1 - r^2) leaves by the front."""
-    system = optics.System(load_problem(write_problem(tmp_path, PLATE))).optical
+    system = optics.System(small_problem(tmp_path, PLATE)).optical
     found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 17, 5.0)
     lamp = found.luminaire
     assert lamp.flux == pytest.approx(found.flux, rel=1e-12)
@@ -45,7 +37,7 @@ def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_p
     noise = np.hypot(found.noise, again.noise)  # each known to a quarter: few angles have most of it
     assert np.sqrt(apart.sum() / whole.sum()) == pytest.approx(noise, rel=0.5)
     theta = np.radians(np.arange(5, 56, 5))
-    t = passed(theta, 1.5)
+    t = fresnel(theta, 1.0, 1.5)
     on = np.cos(theta) / np.pi * t**2 / (1 - (1 - t) ** 2)
     by_gamma = lamp.candela[:-1].mean(axis=0)
     np.testing.assert_allclose(by_gamma[1:12], on, rtol=0.03)
@@ -59,7 +51,7 @@ def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_p
     ids=["beam", "far field", "lamp"],
 )
 def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
-    system = optics.System(load_problem(write_problem(tmp_path, changes)))
+    system = optics.System(small_problem(tmp_path, changes))
     space = system.space()
     lens = system.lens(space, rough(space, 0.03, 0))
     found = outgoing_intensity(system.optical, lens, load_backend("double"), 1 << 13, 10.0)
@@ -82,7 +74,7 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
 def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):
     """Of a beam that enters a plate, w = exp(-a t) comes to the other face; r is reflected at each."""
     flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "lens.absorption": 0.05}
-    system = optics.System(load_problem(write_problem(tmp_path, flat))).optical
+    system = optics.System(small_problem(tmp_path, flat)).optical
     found = outgoing_intensity(system, system.lens, load_backend("double"), 1 << 13, 10.0)
     r, w = 0.04, np.exp(-0.05 * 6.0)
     on, back = (1 - r) ** 2 * w / (1 - (r * w) ** 2), (1 - r) ** 2 * r * w**2 / (1 - (r * w) ** 2)
@@ -93,7 +85,7 @@ def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):
 def test_a_wedge_throws_the_beam_where_snell_says(tmp_path):
     """A wedge turns a parallel beam to its thick side: to +x is C = 0, to -y is C = 90."""
     flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0}
-    system = optics.System(load_problem(write_problem(tmp_path, flat)))
+    system = optics.System(small_problem(tmp_path, flat))
     space = system.space()
     for slope, c in (((0.05, 0.0), 0.0), ((0.0, -0.05), 90.0)):
         x, y = space.kv_u.greville(), space.kv_v.greville()
@@ -113,7 +105,7 @@ def scaled(row):
 
 @pytest.mark.parametrize(("outline", "is_round"), [("round", True), ("rectangle", False)])
 def test_the_opening_has_the_outline_of_the_lens(tmp_path, backend, outline, is_round):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, {"lens.outline": outline})))
+    system = small_system(tmp_path, {"lens.outline": outline})
     opening = outgoing_intensity(system, system.lens, backend, 1 << 10, 45.0).luminaire.opening
     assert (opening.size, opening.round) == ((20.0, 20.0), is_round)
 
@@ -128,7 +120,7 @@ def test_a_plate_absorbs_every_wavelength_by_itself(tmp_path):
         "source.half_width": [3.0, 2.0],
         **{key: value for key, value in PLATE.items() if key.startswith("lens.")},
     }
-    system = optics.System(load_problem(write_problem(tmp_path, changes))).optical
+    system = optics.System(small_problem(tmp_path, changes)).optical
     wanted = 0.0
     for index, absorption, share in lines.values():
         r, x = ((index - 1) / (index + 1)) ** 2, np.exp(-absorption * system.lens.thickness)

@@ -6,17 +6,13 @@ import pytest
 from optics.light.outgoing import cut_cost, least_half_widths
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, solvable_system
+from tests.optics.cases import flat_problem
 from thbcad.outlines import Outline, Polygon
 
 
 def flat(outline: str, **source: object) -> OpticalSystem:
-    size = {"half_width": (10, 10)}
-    problem = Problem(
-        source={"distance": 20, **source},
-        lens={"index": 1.5, "thickness": 6, "front": size, "rear": size, "outline": outline},
-        target={"kind": "tophat", "distance": 60, "half_width": (4, 20), "pixels": (16, 16)},
-    )
-    return solvable_system(problem)
+    lamp = {"distance": 20, **source}
+    return solvable_system(flat_problem(lamp, {"half_width": (4, 20)}, {"outline": outline}))
 
 
 def test_a_rectangle_may_be_as_small_as_its_beam():

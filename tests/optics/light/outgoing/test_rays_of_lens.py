@@ -9,7 +9,7 @@ from optics.light.outgoing import outgoing_rays
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem, pose_of
 from tests.cases import ROOT
-from tests.optics.cases import rough, write_problem
+from tests.optics.cases import rough, small_problem, small_system
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
 
@@ -21,7 +21,7 @@ BALL = {"target.surface": "sphere", "target.radius": 40.0, "target.tilt": [20.0,
     "changes", [{}, BALL, pytest.param(LAMP, marks=pytest.mark.slow)], ids=["beam", "ball", "lamp"]
 )
 def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes):
-    system = optics.System(load_problem(write_problem(tmp_path, changes)))
+    system = optics.System(small_problem(tmp_path, changes))
     space = system.space()
     lens = system.lens(space, rough(space, 0.03, 0))
     backend = load_backend("double")
@@ -71,7 +71,7 @@ def test_rays_of_a_row_start_on_its_last_face(tmp_path):
 
 def test_no_rays_start_in_the_far_field(tmp_path):
     far = {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}
-    system = optics.System(load_problem(write_problem(tmp_path, far)))
+    system = optics.System(small_problem(tmp_path, far))
     with pytest.raises(UserError, match="take --light rear"):
         outgoing_rays(system.optical, system.optical.lens, load_backend("double"), 100, "target")
 
@@ -79,7 +79,7 @@ def test_no_rays_start_in_the_far_field(tmp_path):
 def test_rays_of_a_spectrum_have_all_its_wavelengths(tmp_path, backend):
     """Each with its share of the flux, bent by its own index."""
     colours = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 3]]}
-    system = OpticalSystem(load_problem(write_problem(tmp_path, colours)))
+    system = small_system(tmp_path, colours)
     rays = outgoing_rays(system, system.lens, backend, 4096, "target")
     blue, red = (rays.wavelength < 500), (rays.wavelength > 600)
     lines = {round(w.nm): w.weight for w in system.wavelengths}

@@ -6,9 +6,7 @@ import pytest
 from optics.light.outgoing import StepsOnTarget
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.photometry import uniformity
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import target_z, write_problem
+from tests.optics.cases import small_system, target_z
 
 WIDE = {
     "target.kind": "tophat",
@@ -19,10 +17,6 @@ WIDE = {
     "target.pixels": [24, 16],
 }
 FAR = WIDE | {"target.distance": np.inf, "target.half_width": [40.0, 30.0]}
-
-
-def system_of(folder, changes):
-    return OpticalSystem(load_problem(write_problem(folder, changes)))
 
 
 def directions(system):
@@ -45,7 +39,7 @@ def even_light(system):
 @pytest.mark.parametrize("changes", [WIDE, FAR], ids=["plane", "far field"])
 def test_an_even_intensity_stays_within_the_border(tmp_path, changes):
     """Beside the target there is no light: only pixels within two steps of its border change."""
-    system = system_of(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     beside = StepsOnTarget(system, system.lens, even_light(system))
     planes, gammas = np.linspace(0, 360, 37), np.linspace(0, 180, 19)
     everywhere = beside.by_file(Luminaire(planes, gammas, np.ones((37, 19))))
@@ -57,7 +51,7 @@ def test_an_even_intensity_stays_within_the_border(tmp_path, changes):
 @pytest.mark.every(2)
 @pytest.mark.parametrize("changes", [WIDE, FAR], ids=["plane", "far field"])
 def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path, changes):
-    system = system_of(tmp_path, changes | {"target.pixels": [96, 64]})  # below a cell of the photometry
+    system = small_system(tmp_path, changes | {"target.pixels": [96, 64]})  # below a cell of the photometry
     way = directions(system)
     wave = 1 + 0.5 * np.cos(0.9 * np.degrees(np.arctan(way[0] / way[2])) + 1)  # a period of 7 degrees
     light = even_light(system) * wave
@@ -75,7 +69,7 @@ def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path
 
 def test_the_steps_alone_do_what_a_file_of_many_rays_does(tmp_path):
     """Independent code: every pixel's light as 400 rays on the grid of the file."""
-    system = system_of(tmp_path, WIDE)
+    system = small_system(tmp_path, WIDE)
     way, rng = directions(system), np.random.default_rng(1)
     light = rng.uniform(0.2, 1.0, way.shape[1:]) * (way[0] > -20)
     screen, step = system.target.screen(), 5.0

@@ -1,11 +1,23 @@
-"""The independent trace of a lens's STEP file."""
+"""Rays of a glowing square, and the independent trace of a lens's STEP file."""
+
+import numpy as np
 
 from optics.exchange.verification import trace_step
 from optics.scene.receivers import receiver_at
+from optics.scene.sources import Rays
 from tests.optics.cases import TARGET_Z
 from thbcad import read_step, write_step
 
 INDEX = 1.5
+
+
+def lambertian(n, seed=0, half_width=0.5, z=-2.0):
+    """Return n rays of a square Lambertian source of 1 W that faces +z."""
+    rng = np.random.default_rng(seed)
+    sine, phi = np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
+    direction = np.array([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - sine**2)])
+    origin = np.vstack([rng.uniform(-half_width, half_width, (2, n)), np.full(n, z)])
+    return Rays(origin, direction / np.linalg.norm(direction, axis=0), np.full(n, 1 / n))
 
 
 def step_trace(lens, rays, folder, target_z=TARGET_Z):

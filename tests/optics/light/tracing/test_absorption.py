@@ -5,11 +5,12 @@ import pytest
 
 from optics.light.analysis import measure
 from optics.light.tracing import FATES, TargetArea, trace_nonsequential
-from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays, point_rays
 from optics.scene.system import OpticalSystem
+from oracles.light_formulas import refracted_vector
 from tests.optics.cases import (
+    GLOWING,
     PARABOLOID,
     PLANE,
     TARGET_Z,
@@ -17,9 +18,9 @@ from tests.optics.cases import (
     rough,
     small_lens,
     small_space,
+    small_system,
     traced,
     tracer_to,
-    write_problem,
 )
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -28,12 +29,6 @@ from thbcad.surfaces import THBSurface
 A = 0.05  # 1/mm: a quarter of the light in 6 mm
 WINDOW = small_lens(rear=PLANE)
 POINT = {"distance": 30.0, "flux": 2.0, "half_angle": 10.0, "exponent": 0.0, "shift": (0.0, 0.0)}
-
-
-def refracted(direction, normal, eta):
-    """Return Snell's law in vectors, (3, n): independent of the tracer."""
-    cosine = (direction * normal).sum(axis=0)
-    return eta * direction + (np.sqrt(1 - eta**2 * (1 - cosine**2)) - eta * cosine) * normal
 
 
 def test_a_plane_window_passes_exp_minus_a_t(backend):
@@ -57,8 +52,8 @@ def test_oblique_rays_take_a_longer_path(backend):
     tracer = tracer_to(backend, WINDOW, rays, TARGET_Z, absorption=A)
     _, landing = tracer.trace(coefficients(WINDOW))
     _, clear = tracer_to(backend, WINDOW, rays, TARGET_Z).trace(coefficients(WINDOW))
-    inside = refracted(rays.direction, np.array([[0.0], [0.0], [1.0]]), 1 / 1.5)
-    path = WINDOW.thickness / inside[2]
+    inside = refracted_vector(rays.direction.T, np.array([[0.0, 0.0, 1.0]]), 1 / 1.5)
+    path = WINDOW.thickness / inside[:, 2]
     assert landing.flux.numpy() == pytest.approx(clear.flux.numpy() * np.exp(-A * path), rel=1e-12)
 
 
@@ -148,12 +143,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
         {},
         pytest.param({"source.divergence": 0.3}, marks=pytest.mark.slow),
         {"source.kind": "point", "source.distance": 30.0, "source.half_angle": 12.0},
-        {
-            "source.kind": "lambertian",
-            "source.half_width": [0.5, 0.5],
-            "source.distance": 8.0,
-            "source.half_angle": 30.0,
-        },
+        GLOWING,
         pytest.param({"lens.rear.slope_rms": 0.002}, marks=pytest.mark.slow),
     ],
     ids=["cells", "beams", "point", "rays", "rough"],
@@ -161,7 +151,7 @@ def test_all_paths_in_a_plate_are_dimmed(backend):
 def test_fates_sum_to_the_source_flux(tmp_path, backend, changes):
     """Measured light of every kind, and for spreading light all paths."""
     small = {"lens.absorption": A, "target.pixels": [16, 16], "source.flux": 3.0}
-    system = OpticalSystem(load_problem(write_problem(tmp_path, changes | small)))
+    system = small_system(tmp_path, changes | small)
     metrics = measure(system, system.lens, backend).metrics
     assert sum(metrics["fates_w"].values()) == pytest.approx(3, rel=1e-12)
     assert 0.2 < metrics["fates_w"]["absorbed"] / 3 < 0.4

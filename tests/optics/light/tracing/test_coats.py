@@ -4,17 +4,15 @@ import numpy as np
 import pytest
 
 from optics.light.tracing import TargetArea, Tracer, trace_nonsequential
-from optics.scene.problem import load_problem
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_problem, small_system
 
 COATED = {"lens.front.reflectance": 0.004, "lens.rear.reflectance": 0.25, "lens.rear.radius": 60.0}
 
 
 @pytest.fixture
 def coated(tmp_path):
-    return OpticalSystem(load_problem(write_problem(tmp_path, COATED)))
+    return small_system(tmp_path, COATED)
 
 
 def test_a_coat_lets_its_share_through_where_light_is_not_reflected_totally(coated, backend):
@@ -38,11 +36,6 @@ def test_all_reflections_of_a_coated_plate_are_a_geometric_series(coated, backen
 
 
 def test_a_coat_is_written_only_where_there_is_one(coated, tmp_path):
+    bare = small_problem(tmp_path).lens
     assert "reflectance = 0.25" in coated.problem.to_toml()
-    assert (
-        "reflectance"
-        not in coated.problem.with_optic(
-            front=load_problem(write_problem(tmp_path, {})).lens.front,
-            rear=load_problem(write_problem(tmp_path, {})).lens.rear,
-        ).to_toml()
-    )
+    assert "reflectance" not in coated.problem.with_optic(front=bare.front, rear=bare.rear).to_toml()

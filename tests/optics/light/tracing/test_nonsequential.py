@@ -14,6 +14,7 @@ from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, Frustum, MeshSolid, edge_gap, traced_one_by_one
 from oracles.light_formulas import fresnel
 from tests.cases import examples
+from tests.optics.light.tracing.cases import lambertian
 from tests.thbcad.cases import lenses
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -25,15 +26,6 @@ from thbcad.surfaces import THBSurface
 FAR_Z = 1005.0
 FAR = TargetArea(receiver_at(FAR_Z), (2000.0, 2000.0))
 WIDE = TargetArea(receiver_at(50.0), (30.0, 20.0))
-
-
-def lambertian(n, seed=0, half_width=0.5, z=-2.0):
-    """Return n rays of a square Lambertian source of 1 W that faces +z."""
-    rng = np.random.default_rng(seed)
-    sine, phi = np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
-    direction = np.array([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - sine**2)])
-    origin = np.vstack([rng.uniform(-half_width, half_width, (2, n)), np.full(n, z)])
-    return Rays(origin, direction / np.linalg.norm(direction, axis=0), np.full(n, 1 / n))
 
 
 def dome_lens(seed=None, amplitude=1.5):

@@ -11,8 +11,8 @@ from optics.scene.paths import AIR
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough
-from thbcad import Pose, THBSurface, write_step
+from tests.optics.cases import flat_problem, roughened
+from thbcad import Pose, write_step
 from thbcad.cad.exchange import face_hits, read_step
 
 FREE = {"spans": (4, 4), "max_level": 1, "z_freedom": 3.0}
@@ -70,11 +70,6 @@ SCENES = {
 }
 
 
-def designed(system):
-    """Return the lens or mirror that is designed, with a sag that is not symmetric."""
-    return system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.05)) for sag in system.lens.sags])
-
-
 def beam(system, count):
     """Return random rays from the plane of the source."""
     (hx, hy), z = system.problem.source.half_width, -system.problem.source.distance
@@ -109,7 +104,7 @@ def met_before(solid, starts, ends):
 @pytest.mark.parametrize("name", SCENES)
 def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, tmp_path):
     system = SCENES[name]()
-    lens = designed(system)
+    lens = roughened(system.lens, 0.05)
     rays, bare = beam(system, COUNT), system.path(lens)
     free = Tracer(backend, bare, rays)
     points = [rays.origin]
@@ -139,7 +134,7 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
 def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
     """A ray that leaves the face of a STEP file and first meets that very face, before its end."""
     system = SCENES[name]()
-    lens, rays, back = designed(system), beam(system, COUNT), system.pose.inverse()
+    lens, rays, back = roughened(system.lens, 0.05), beam(system, COUNT), system.pose.inverse()
     tracer = Tracer(backend, system.shaded_path(lens), rays)
     with backend.dr.suspend_grad():
         (hits,), landing = tracer.trace()
@@ -215,7 +210,7 @@ def test_bodies_that_no_light_meets_change_no_bit(backend):
         [element("M1", (0, 0, 0), (45, 0, 0), (30, 40), free=True)], (0, 60, 0), (-90, 0, 0), (30, 30)
     )
     cells, screen = system.source.cells((24, 24)), system.target.screen()
-    lens = designed(system)
+    lens = roughened(system.lens, 0.05)
     bare, shaded = (
         cell_irradiance(path, screen, cells, backend)
         for path in (system.path(lens), system.shaded_path(lens))
@@ -226,12 +221,5 @@ def test_bodies_that_no_light_meets_change_no_bit(backend):
 
 
 def test_a_lens_on_the_axis_has_no_body_in_its_way():
-    flat = {"half_width": (10, 10)}
-    system = OpticalSystem(
-        Problem(
-            source={"kind": "point", "half_angle": 20, "distance": 20},
-            lens={"index": 1.5, "thickness": 6, "front": flat, "rear": flat},
-            target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (32, 32)},
-        )
-    )
+    system = OpticalSystem(flat_problem({"kind": "point", "half_angle": 20, "distance": 20}))
     assert not system.shaded_path(system.lens).bodies

@@ -9,20 +9,20 @@ from optics.light.tracing import TargetArea, Tracer, trace_nonsequential, transm
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays, single_rays
 from optics.scene.system import OpticalSystem, solvable_system
+from tests.optics.cases import flat_problem
 
 BORDER_CELLS = 2000  # of the finest cells across the source
 HALF, DISTANCE = 8.0, 20.0  # mm: of the beam; from a point to the front
 GLASS = 0.96**2  # what two bare faces of n = 1.5 leave
+BOTH_SIDES = (  # of the lens
+    {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
+    {"shape": "ellipse", "half_width": (2, 1), "position": (1, 2, 30), "tilt": (40, 0, 0), "hole": False},
+)
 
 
 def problem(**changes: object) -> Problem:
-    size = {"half_width": (10, 10)}
-    flat = Problem(
-        source={"kind": "collimated", "half_width": (HALF, HALF), "distance": DISTANCE},
-        lens={"index": 1.5, "thickness": 6, "front": size, "rear": size},
-        target={"kind": "tophat", "distance": 60, "half_width": (12, 12), "pixels": (32, 32)},
-    )
-    return flat.with_(**changes)
+    beam = {"kind": "collimated", "half_width": (HALF, HALF), "distance": DISTANCE}
+    return flat_problem(beam, {"pixels": (32, 32)}).with_(**changes)
 
 
 def system(*stops: dict[str, object], **changes: object) -> OpticalSystem:
@@ -93,11 +93,7 @@ def test_a_clear_aperture_leaves_its_area():
 
 
 def test_rays_with_known_meeting_points_are_blocked_like_all_others():
-    stops = (
-        {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
-        {"shape": "ellipse", "half_width": (2, 1), "position": (1, 2, 30), "tilt": (40, 0, 0), "hole": False},
-    )
-    scene = system(*stops, **{"lens.clear_aperture": (7, 3)})
+    scene = system(*BOTH_SIDES, **{"lens.clear_aperture": (7, 3)})
     lens, rays = scene.lens, scene.source.rays((61, 53))
     seen = []
     for some in (rays, single_rays(rays, lens)):
@@ -120,11 +116,7 @@ def all_ways(scene: OpticalSystem):
 
 
 def test_light_by_front_and_rear_alone_is_blocked_alike_in_both_traces():
-    stops = (
-        {"shape": "rectangle", "half_width": (6, 4), "position": (1, 0, -9), "tilt": (0, 35, 0)},
-        {"shape": "ellipse", "half_width": (2, 1), "position": (1, 2, 30), "tilt": (40, 0, 0), "hole": False},
-    )
-    scene = system(*stops, **{"lens.clear_aperture": (7, 3)})
+    scene = system(*BOTH_SIDES, **{"lens.clear_aperture": (7, 3)})
     result = all_ways(scene)
     tracer = Tracer(scene.backend, scene.path(scene.lens), scene.source.rays((31, 29)))
     _, landing = tracer.trace()

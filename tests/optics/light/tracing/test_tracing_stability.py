@@ -8,15 +8,15 @@ import pytest
 
 from optics.base.runtime import load_backend
 from optics.designing.optimisation import Objective
-from optics.exchange.verification import trace_step
 from optics.light.engines import TracedModel
 from optics.light.tracing.refraction import refract
-from optics.scene.receivers import BSplineWindow, Screen, receiver_at
+from optics.scene.receivers import BSplineWindow, Screen
 from optics.scene.sources import Profile, Rays, collimated_beam, lambertian_parts
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
 from tests.optics.cases import coefficients, hollow_lens, rough, tracer_to
-from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, read_step, write_step
+from tests.optics.light.tracing.cases import step_trace
+from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 
 CASES = {case.name: case for case in cases()}
 QUICK = ["degree 2", "degree 10", "lengths times 1e-06", "lengths times 1e+06"]
@@ -232,15 +232,7 @@ def test_the_independent_tracer_agrees_in_any_units_and_from_the_front_itself(ba
     rear = FreeformSurface((half, half), Conic(-20.0 * k, -1.0), THBSurface(space, rough(space, 0.1 * k)))
     lens = Lens(FreeformSurface((5.0 * k, 5.0 * k)), rear, 6.0 * k, 1.5)
     rays = next(lambertian_parts((0.5 * k, 0.5 * k), distance * k, 1.0, 60.0, Profile(), 1 << 10, 3, 1 << 10))
-    write_step(lens, tmp_path / "lens.step")
-    other = trace_step(
-        read_step(tmp_path / "lens.step"),
-        rays.origin.T,
-        rays.direction.T,
-        rays.flux,
-        1.5,
-        receiver_at(100.0 * k),
-    )
+    other = step_trace(lens, rays, tmp_path, 100.0 * k)
     x, y, flux, _ = landing(backend, lens, rays, 100.0 * k)
     np.testing.assert_array_equal(flux > 0, other.flux > 0)
     assert (flux > 0).mean() > 0.5

@@ -10,6 +10,7 @@ from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, LevelSolid, MeshSolid, traced_one_by_one
 from oracles.light_formulas import fresnel
+from tests.optics.light.tracing.cases import lambertian
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -163,18 +164,11 @@ CURVED = {
 }
 
 
-def lambertian(n, seed):
-    rng = np.random.default_rng(seed)
-    sine, phi = np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
-    direction = np.array([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(1 - sine**2)])
-    return Rays(np.vstack([rng.uniform(-6, 6, (2, n)), np.full(n, -3.0)]), direction, np.full(n, 1 / n))
-
-
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if "smaller" in name else pytest.mark.slow) for name in CURVED]
 )
 def test_every_branch_in_a_triangle_mesh(backend, name):
-    lens, rays = CURVED[name], lambertian(80, 5)
+    lens, rays = CURVED[name], lambertian(80, 5, 6.0, -3.0)
     result = trace_nonsequential(backend, lens, rays, WIDE, threshold=1e-3)
     assert result.by_ray.sum(axis=0) == pytest.approx(rays.flux, rel=1e-12)
     assert result.fates.failed == 0

@@ -10,20 +10,19 @@ from PIL import Image
 from optics.light.analysis import measure
 from optics.reporting.figures.lens_and_light import colour_figures
 from optics.scene.photometry import spectral_lines, white_of
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
+from tests.optics.reporting.cases import pixels
 
 SPECTRAL = {"lens.material": "PC", "source.spectrum": "LED-B3", "target.pixels": [24, 24]}
 
 
 def measured(folder, backend, changes):
-    system = OpticalSystem(load_problem(write_problem(folder, changes, drop=("lens.index",))))
+    system = small_system(folder, changes, drop=("lens.index",))
     return system, measure(system, system.lens, backend)
 
 
 def colours(png):
-    return {tuple(p) for p in np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3)}
+    return {tuple(p) for p in pixels(png).reshape(-1, 3)}
 
 
 def test_without_a_spectrum_there_is_no_colour(tmp_path, backend):

@@ -9,13 +9,12 @@ from PIL import Image
 
 from optics.light.analysis import Measurement
 from optics.reporting.figures import figures_of_tool, form_figures_of, height_error_figure, made_light_figure
-from optics.scene.problem import load_problem
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
 from optics.tolerancing.form_errors import BandCost, FormErrors, SideCost
 from optics.tolerancing.machining import ToolOrder, tool_findings
 from optics.tolerancing.metrology import by_datums, made_surface
-from tests.optics.cases import write_problem
+from tests.optics.cases import small_system
+from tests.optics.reporting.cases import pixels
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
 
@@ -80,16 +79,15 @@ def test_the_light_is_drawn_in_four_panels(built: SimpleNamespace) -> None:
 
 
 def test_the_error_is_drawn_in_two_colours(built: SimpleNamespace) -> None:
-    with Image.open(BytesIO(height_error_figure(built))) as picture:
-        pixels = np.asarray(picture.convert("RGB")).astype(int)
-    red, blue = pixels[..., 0] - pixels[..., 2] > 100, pixels[..., 2] - pixels[..., 0] > 80
+    seen = pixels(height_error_figure(built))
+    red, blue = seen[..., 0] - seen[..., 2] > 100, seen[..., 2] - seen[..., 0] > 80
     assert red.mean() > 0.05
     assert blue.mean() > 0.05
 
 
 @pytest.mark.slow
 def test_every_surface_that_is_cut_has_one_picture_with_a_panel_for_each_question(tmp_path, backend):
-    system = OpticalSystem(load_problem(write_problem(tmp_path)))
+    system = small_system(tmp_path)
     order = ToolOrder(nose=1.0, feed=0.01)
     ((name, caption, png),) = figures_of_tool(tool_findings(system, bowl_lens(), order, backend, rays=17))
     assert name == "tool_rear.png"

@@ -1,16 +1,14 @@
 """Polar and isocandela diagrams: the right curves on the right side, in the shown unit, nothing cut off."""
 
-import io
-
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from PIL import Image
 
 from optics.reporting.figures import intensity_diagrams
 from optics.reporting.figures.intensity_diagrams import FINEST, SHARES, intensity_figures
 from optics.scene.photometry import units_of
 from optics.scene.receivers import FarField, Screen
+from tests.optics.reporting.cases import pixels
 
 SCREEN = Screen((24.0, 12.0), (48, 30), receiver=FarField())
 CANDELA = units_of("lm").in_far_field
@@ -97,7 +95,7 @@ def test_nothing_is_cut_off(half_width):
     screen = Screen(half_width, (40, 40), receiver=FarField())
     light = 1e3 * np.ones((40, 40)) - np.indices((40, 40)).sum(axis=0)
     for _, png in intensity_figures(light, light, screen, CANDELA).values():
-        seen = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+        seen = pixels(png)
         for side in (seen[0], seen[-1], seen[:, 0], seen[:, -1]):
             assert (side == 255).all()
     assert not plt.get_fignums()

@@ -14,16 +14,13 @@ from optics.reporting.figures.canvas import DPI, block, new_figure, plane_figure
 from optics.reporting.figures.lens_and_light import lens_figures
 from tests.optics.cases import small_lens
 from tests.optics.exchange.verification.cases import shaped
+from tests.optics.reporting.cases import pixels
 from thbcad.lens import FreeformSurface, Lens
 
 PLAN = [
     SimpleNamespace(name="level 3", screen=SimpleNamespace(pixels=(64, 32))),
     SimpleNamespace(name="finish", screen=SimpleNamespace(pixels=(256, 128))),
 ]
-
-
-def pixels(png):
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), float)
 
 
 def test_a_picture_holds_the_pixels_that_matplotlib_saves():

@@ -1,17 +1,15 @@
 """The picture of the scene: rays that are traced, things at their places, no lens behind the target."""
 
-from io import BytesIO
-
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from PIL import Image
 
 from optics.reporting.figures.scene_figure import _by_visit, scene_view
 from optics.reporting.view import drawn_elements, placed, scene_paths
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import target_z
+from tests.optics.reporting.cases import pixels
 
 LAMBERTIAN = {
     "source.kind": "lambertian",
@@ -29,22 +27,6 @@ SOURCES = {"collimated": {}, "round": {"source.profile": "round"}, "lambertian":
 FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 
 
-@pytest.fixture
-def made(problem_file):
-    """A function from changes of the small problem to (problem, lens before optimisation)."""
-
-    def make(changes):
-        problem = load_problem(problem_file(changes))
-        return problem, OpticalSystem(problem).lens
-
-    return make
-
-
-def pixels(png):
-    """Return (rows, columns, 3) float, 0 to 255."""
-    return np.asarray(Image.open(BytesIO(png)).convert("RGB"), float)
-
-
 def red(png):
     """Return how many pixels are those of a ray that is lost: neither amber nor grey."""
     r, g, b = np.moveaxis(pixels(png), 2, 0)
@@ -54,36 +36,28 @@ def red(png):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOURCES)
 def test_every_kind_of_source_has_its_picture(backend, made, name):
-    problem, lens = made(SOURCES[name])
+    system, lens = made(SOURCES[name])
     light = np.eye(48)
-    paths = scene_paths(OpticalSystem(problem), lens, backend)
-    png = scene_view(OpticalSystem(problem), lens, light, paths)
+    paths = scene_paths(system, lens, backend)
+    png = scene_view(system, lens, light, paths)
     assert png.startswith(b"\x89PNG")
-    assert scene_view(OpticalSystem(problem), lens, light, paths) == png
+    assert scene_view(system, lens, light, paths) == png
     assert plt.get_fignums() == []
 
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, name):
-    problem, lens = made(SOURCES[name])
-    starts, ends = (
-        np.array(
-            [
-                path.points[k]
-                for path in scene_paths(OpticalSystem(problem), lens, backend)
-                if "target" in path.fate
-            ]
-        )
-        for k in (0, -1)
-    )
+    system, lens = made(SOURCES[name])
+    paths = [path for path in scene_paths(system, lens, backend) if "target" in path.fate]
+    starts, ends = (np.array([path.points[k] for path in paths]) for k in (0, -1))
     assert len(starts) > 30
-    assert (np.abs(starts[:, :2]) <= problem.source.half_width).all()
-    assert np.array_equal(ends[:, 2], np.full(len(ends), target_z(problem)))
+    assert (np.abs(starts[:, :2]) <= system.problem.source.half_width).all()
+    assert np.array_equal(ends[:, 2], np.full(len(ends), target_z(system.problem)))
 
 
 def test_rays_go_straight_through_a_plate(backend, made):
-    problem, lens = made({"lens.rear.radius": float("inf")})
-    for path in scene_paths(OpticalSystem(problem), lens, backend):
+    system, lens = made({"lens.rear.radius": float("inf")})
+    for path in scene_paths(system, lens, backend):
         assert path.fate == "on_target"
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
@@ -101,16 +75,13 @@ def test_rays_go_straight_through_a_plate(backend, made):
 )
 def test_light_is_drawn_where_it_is(backend, made, changes):
     """A bright corner at +x, +y appears at the upper right of the target, and nowhere else."""
-    problem, lens = made(changes)
-    paths = scene_paths(OpticalSystem(problem), lens, backend)
+    system, lens = made(changes)
+    paths = scene_paths(system, lens, backend)
     dark = np.full((48, 48), 0.5)
     dark[24:, :24] = 1.0  # the scale is the same with and without the corner
     corner = dark.copy()
     corner[:12, 36:] = 1.0
-    before, after = (
-        pixels(scene_view(OpticalSystem(problem), lens, light, paths)).mean(axis=2)
-        for light in (dark, corner)
-    )
+    before, after = (pixels(scene_view(system, lens, light, paths)).mean(axis=2) for light in (dark, corner))
     rows, columns = np.nonzero(after - before > 50)
     middle = np.argwhere(np.abs(before - 127) < 3).mean(
         axis=0
@@ -159,26 +130,17 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
     counts = [
-        red(
-            scene_view(
-                OpticalSystem(problem),
-                lens,
-                np.ones((48, 48)),
-                scene_paths(OpticalSystem(problem), lens, backend),
-            )
-        )
-        for problem, lens in (hit, miss)
+        red(scene_view(system, lens, np.ones((48, 48)), scene_paths(system, lens, backend)))
+        for system, lens in (hit, miss)
     ]
     assert counts[0] == 0
     assert counts[1] > 100
 
 
 def test_the_far_field_shows_rays_and_no_target(backend, made):
-    problem, lens = made(FAR)
-    paths = scene_paths(OpticalSystem(problem), lens, backend)
-    first, second = (
-        scene_view(OpticalSystem(problem), lens, np.full((48, 48), light), paths) for light in (0.0, 1.0)
-    )
+    system, lens = made(FAR)
+    paths = scene_paths(system, lens, backend)
+    first, second = (scene_view(system, lens, np.full((48, 48), light), paths) for light in (0.0, 1.0))
     assert first == second
     assert red(first) == 0
     assert all(path.points[-1, 2] == lens.thickness + 4 * 10.0 for path in paths)

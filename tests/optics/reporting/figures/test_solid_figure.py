@@ -1,14 +1,13 @@
 """The picture of the solid: outlines to scale, relief that is seen, sides that are not mixed up."""
 
 from functools import cache
-from io import BytesIO
 
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from PIL import Image
 
 from optics.reporting.figures.scene_figure import solid_views
+from tests.optics.reporting.cases import pixels
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -39,12 +38,12 @@ def lens(front=None, rear=None, thickness=12.0):
 
 def picture(solid):
     """Return the pixels of the picture, (rows, columns, 3) float, 0 to 255."""
-    return np.asarray(Image.open(BytesIO(solid_views(solid))).convert("RGB"), float)
+    return pixels(solid_views(solid))
 
 
-def glass(pixels):
+def glass(seen):
     """Return what is bluish: faces, and neither ink nor paper."""
-    return pixels[..., 2] > pixels[..., 0] + 5
+    return seen[..., 2] > seen[..., 0] + 5
 
 
 def box(mask):

@@ -9,9 +9,7 @@ import pytest
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row, stages
 from optics.reporting.live.live_page import NOT_FRESH, SECONDS, LiveState, LiveView, live_page
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import WIDE, write_problem
+from tests.optics.cases import WIDE, small_system
 
 page = import_module("optics.reporting.live.live_page")
 EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
@@ -108,7 +106,7 @@ def test_the_misfit_falls_from_the_top_to_the_bottom_of_its_curve():
 
 def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp_path, monkeypatch):
     """Equal intensities everywhere are as uniform as can be; as irradiances they are 0.77 in the corners."""
-    system = OpticalSystem(load_problem(write_problem(tmp_path, WIDE)))
+    system = small_system(tmp_path, WIDE)
     stage = stages(system, False)[-1]
     target = system.target.irradiance(stage.screen, 1.0)
     asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: target)

@@ -11,23 +11,13 @@ from optics.light.tracing import seen_branches
 from optics.reporting.view import elements_sight, photo_caption, photograph
 from optics.reporting.view.photo_light import interpolated
 from optics.reporting.view.photo_room import PIXELS, WHOLE, PhotoRoom, photo_room
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.sources import Rays
 from optics.scene.system import OpticalSystem
+from oracles.light_formulas import fresnel
 from thbcad.lens import FreeformSurface, Lens
 
 PLATE = Lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0)), thickness=6.0, index=1.5)
-
-
-@pytest.fixture
-def made(problem_file):
-    """A function from changes of the small problem to (system, lens before optimisation)."""
-
-    def make(changes):
-        system = OpticalSystem(load_problem(problem_file(changes)))
-        return system, system.lens
-
-    return make
 
 
 def seen(room, point):
@@ -90,9 +80,7 @@ def test_a_plate_shows_the_room_displaced_as_snell_and_as_bright_as_fresnel_say(
     out = seen_branches(backend, PLATE, rays)
     through, mirrored = out.direction[2] < 0, out.direction[2] > 0
     inside = np.arcsin(np.sin(angle) / 1.5)
-    s = (np.cos(angle) - 1.5 * np.cos(inside)) / (np.cos(angle) + 1.5 * np.cos(inside))
-    p = (1.5 * np.cos(angle) - np.cos(inside)) / (1.5 * np.cos(angle) + np.cos(inside))
-    reflected = (s**2 + p**2) / 2
+    reflected = 1 - fresnel(angle, 1.0, 1.5)
     assert out.flux[mirrored] == pytest.approx([reflected], rel=1e-12)
     assert out.flux[through] == pytest.approx([(1 - reflected) ** 2], rel=1e-12)
     assert out.direction[:, through] == pytest.approx(direction, abs=1e-12)
@@ -106,12 +94,16 @@ GLASS = {"kind": "lens", "name": "L1", "index": 1.5, "thickness": 6.0, "front": 
 GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_freedom": 1.0}}}
 
 
+def glass_and_mirror():
+    source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
+    target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
+    return OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("row", [False, True])
 def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatch, row):
-    source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
-    target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
-    elements = OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+    elements = glass_and_mirror()
     system, lens = (elements, elements.lens) if row else made({})
     light, sight = np.ones((8, 8)), elements_sight(system, lens, backend)
     monkeypatch.setattr(PhotoRoom, "showing", lambda room, points: tuple(map(np.arange, WHOLE)))
@@ -123,9 +115,7 @@ def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatc
 @pytest.mark.slow
 def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
     """The plane mirror's normal is n = (0, 1, -1) / sqrt 2; the plate, whose sag is zero, turns no ray."""
-    source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
-    target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
-    system = OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+    system = glass_and_mirror()
     sight = elements_sight(system, system.lens, backend)
     normal, (start, ray) = np.array([0.0, 1.0, -1.0]) / np.sqrt(2), sight.before.astype(float)
     met = start + ((np.array([0, 0, 40.0]) - start.T) @ normal / (normal @ ray)) * ray

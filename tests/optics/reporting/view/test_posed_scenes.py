@@ -1,7 +1,5 @@
 """Scenes of any pose: parts stand apart, pictures are open and read right, the page holds what is there."""
 
-import json
-import re
 from base64 import b64decode
 from itertools import pairwise
 
@@ -11,6 +9,7 @@ import pytest
 from optics.reporting.view import drawn_elements, placed, scene_page
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
+from tests.optics.reporting.cases import held
 from thbcad.poses import Pose
 
 BEAM = {"kind": "collimated", "half_width": (45, 45)}
@@ -76,11 +75,6 @@ def test_the_throw_alone_is_drawn_shorter(system):
         np.testing.assert_allclose(shift, shift[:, :1] + 0 * shift, rtol=0, atol=1e-9)
     start, end = scene.gap
     assert (scene.squeeze > 1) == (end - start > 1000)
-
-
-def held(text):
-    (data,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text)
-    return json.loads(data)
 
 
 def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(system):

@@ -5,31 +5,17 @@ import pytest
 
 from optics.reporting.view.photo_room import photo_room
 from optics.reporting.view.scene_layout import LONG, SHORT, block_means, box_of, drawn_elements, placed
-from optics.scene.problem import Problem, load_problem
+from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 
 
-def scene_of(problem, lens):
-    system = OpticalSystem(problem)
+def scene_of(system, lens):
     return placed(system, lens, drawn_elements(system, lens))
 
 
-@pytest.fixture
-def made(problem_file):
-    """A function from changes of the small problem to (problem, lens before optimisation)."""
-
-    def make(changes):
-        problem = load_problem(problem_file(changes))
-        return problem, OpticalSystem(problem).lens
-
-    return make
-
-
 def test_a_beam_wider_than_the_lens_does_not_rule_the_picture(made):
-    problem, lens = made({"source.half_width": [4000.0, 8.0]})
-    assert np.ptp(scene_of(problem, lens).source, axis=1) == pytest.approx(
-        [2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14
-    )
+    scene = scene_of(*made({"source.half_width": [4000.0, 8.0]}))
+    assert np.ptp(scene.source, axis=1) == pytest.approx([2 * 1.3 * 10.0, 2 * 8.0, 0.0], rel=1e-14)
 
 
 def test_every_source_is_drawn_at_its_place():
@@ -60,10 +46,8 @@ def test_every_source_is_drawn_at_its_place():
 def test_the_target_leaves_the_lens_free(made, distance, half_width):
     """The target lies at the right of the lens, and its drawn distance within limits of the sizes; factors
     differ by 2.5 at most."""
-    problem, lens = made(
-        {"lens.rear.radius": float("inf"), "target.distance": distance, "target.half_width": [half_width] * 2}
-    )
-    scene = scene_of(problem, lens)
+    far = {"target.distance": distance, "target.half_width": [half_width] * 2}
+    scene = scene_of(*made(far | {"lens.rear.radius": float("inf")}))
     assert scene.box(scene.lens)[1, 0] < scene.box(scene.outlook)[0, 0]
     drawn = distance / scene.squeeze / (half_width + 10.0)
     assert SHORT * (1 - 1e-12) <= drawn <= 2.5 * LONG * (1 + 1e-12)
@@ -74,9 +58,8 @@ def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
     """It faces the lens, and is seen at 15 degrees from its edge; the near one begins beside the lens."""
     tilt = [-np.degrees(np.arctan2(position[1], 60.0)), np.degrees(np.arctan2(position[0], 60.0)), 0.0]
     place = {"target.distance": False, "target.position": list(position), "target.tilt": tilt}
-    problem, lens = made(place | {"target.half_width": [10.0, 10.0]})
-    system = OpticalSystem(problem)
-    scene = placed(system, lens, drawn_elements(system, lens))
+    system, lens = made(place | {"target.half_width": [10.0, 10.0]})
+    scene = scene_of(system, lens)
     assert abs(scene.turn[2] @ system.target.receiver.pose.rotation[:, 2]) > np.sin(np.radians(15))
     assert scene.squeeze == 1
     rim = system.target.receiver.points(*10.0 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]))
@@ -84,8 +67,7 @@ def test_a_target_aside_shows_its_face_and_is_drawn_as_it_is(made, position):
 
 
 def test_things_are_drawn_in_scale_up_to_the_lens_and_shorter_behind_it(made):
-    problem, lens = made({"target.distance": 1e4})
-    scene = scene_of(problem, lens)
+    scene = scene_of(*made({"target.distance": 1e4}))
     top = scene.lens[2, 1]
     x = np.array([[1.0, -2.0, 3.0], [0.5, 4.0, -1.0], [-30.0, 0.0, top]])
     assert scene(x) == pytest.approx(scene.turn[:2] @ x, abs=1e-13)

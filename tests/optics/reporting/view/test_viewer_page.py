@@ -1,6 +1,5 @@
 """The page that is turned in a browser: it is whole in itself, small, and holds the lens's own points."""
 
-import json
 import re
 from base64 import b64decode
 from itertools import pairwise
@@ -10,9 +9,8 @@ import pytest
 
 from optics.light.tracing import RayPath
 from optics.reporting.view.viewer_page import MOST_PATHS, SAMPLES, scene_page
-from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import rough, small_lens, small_space
+from tests.optics.cases import rough, small_lens, small_space, small_system
+from tests.optics.reporting.cases import held
 from thbcad.lens import SIDES, FreeformSurface, Lens
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
@@ -22,11 +20,11 @@ FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 
 
 @pytest.fixture
-def page(problem_file):
+def page(tmp_path):
     """A function from a lens to its page; changes are those of the small problem."""
 
     def make(lens, irradiance=None, paths=(), **changes):
-        system = OpticalSystem(load_problem(problem_file(changes)))
+        system = small_system(tmp_path, changes)
         return scene_page(system, lens, np.ones((48, 48)) if irradiance is None else irradiance, paths)
 
     return make
@@ -41,12 +39,6 @@ def rough_lens():
         6.0,
         1.5,
     )
-
-
-def held(text):
-    """Return the data of a page."""
-    (data,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text)
-    return json.loads(data)
 
 
 def numbers(text, kind):

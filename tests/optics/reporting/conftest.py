@@ -1,0 +1,16 @@
+"""Fixtures shared by the tests of pictures."""
+
+import pytest
+
+from tests.optics.cases import small_system
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A function from changes of the small problem to (system, lens before optimisation)."""
+
+    def make(changes):
+        system = small_system(tmp_path, changes)
+        return system, system.lens
+
+    return make
