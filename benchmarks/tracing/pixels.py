@@ -185,7 +185,7 @@ def _rims(backend: Backend) -> list[Row]:
         for count in RIM_CELLS:
             path, screen = system.path(system.lens), system.target.screen()
             _, fates = cell_irradiance(path, screen, system.source.cells((count, count)), backend)
-            exact = missing * (problem.source.flux - fates.front_reflected)
+            exact = missing * (problem.source.flux - fates.by_name["front_reflected"])
             error = abs(fates.missed_rear - exact) / problem.source.flux
             title = f"{name}, {count}^2 cells: error of the flux past the rear"
             out.append(Row(title, error, quantity="flux past the rear", estimator=CELLS))

@@ -36,6 +36,7 @@ OF_FACE = {
     "missed": ("missed", "misses {}"),
     "reflected": ("reflected", "is reflected at {}"),
     "unresolved": ("unresolved", "is undecided: the search for where it meets {} failed"),
+    # refracted backwards, too
     "total_internal": ("total reflection", "is reflected totally at {}"),
     "absorbed": ("absorbed", "is absorbed at {}, or on its way there"),
     "blocked": ("blocked", "is blocked on its way to {}, or beside the clear aperture there"),
@@ -86,11 +87,7 @@ ON_TARGET, OFF_TARGET = Fate("on_target"), Fate("off_target")
 
 @dataclass(frozen=True)
 class SequentialFates:
-    """The source flux by fate, W, from surface to surface; the fates sum to the source flux.
-
-    Fates of the front of a lens alone are those of the first surface of any path, and those of its rear of
-    all others together.
-    """
+    """The source flux by fate, W, from surface to surface; the fates sum to the source flux."""
 
     flux: Mapping[Fate, float]
 
@@ -108,35 +105,9 @@ class SequentialFates:
         return self.on_target + self.off_target
 
     @property
-    def beside_lens(self) -> float:
-        return self._sum("missed", first=True)
-
-    @property
     def missed_rear(self) -> float:
-        return self._sum("missed", first=False)
-
-    @property
-    def front_reflected(self) -> float:
-        """Fresnel's loss, or that of a coating."""
-        return self._sum("reflected", first=True)
-
-    @property
-    def rear_reflected(self) -> float:
-        return self._sum("reflected", first=False)
-
-    @property
-    def total_internal(self) -> float:
-        """Of light that is reflected totally, or refracted backwards."""
-        return self._sum("total_internal")
-
-    @property
-    def unresolved(self) -> float:
-        return self._sum("unresolved")
-
-    @property
-    def absorbed(self) -> float:
-        """On the way between surfaces, and by mirrors."""
-        return self._sum("absorbed")
+        """Of light that misses a surface behind the first one."""
+        return sum(flux for fate, flux in self.flux.items() if fate.what == "missed" and fate.number)
 
     @property
     def blocked(self) -> float:
@@ -162,10 +133,8 @@ class SequentialFates:
         first = next(fate for fate in self.flux if fate.what == "missed")
         return SequentialFates({**self.flux, first: self.flux[first] + missed})
 
-    def _sum(self, what: str, first: bool | None = None) -> float:
-        return sum(
-            flux for fate, flux in self.flux.items() if fate.what == what and first in (None, not fate.number)
-        )
+    def _sum(self, what: str) -> float:
+        return sum(flux for fate, flux in self.flux.items() if fate.what == what)
 
     def __add__(self, other: SequentialFates) -> SequentialFates:
         return SequentialFates({fate: flux + other.flux[fate] for fate, flux in self.flux.items()})

@@ -130,7 +130,7 @@ def test_area_and_light_of_a_round_lens(tmp_path, backend):
     rays = system.source.rays(RAYS)
     tracer = Tracer(backend, system.path(lens), rays)
     _, landing = tracer.trace()
-    beside = tracer.fates(landing, system.target.settings.half_width).beside_lens
+    beside = tracer.fates(landing, system.target.settings.half_width).by_name["beside_lens"]
     assert front_fraction(system) == pytest.approx(1 - beside / rays.total, abs=1e-12)
 
 
@@ -161,7 +161,7 @@ def test_share_that_meets_a_hollow_front(backend, tmp_path, distance):
     tracer = tracer_to(backend, lens, system.source.rays(RAYS), target_z(problem))
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
-    beside = tracer.fates(landing, problem.target.half_width).beside_lens
+    beside = tracer.fates(landing, problem.target.half_width).by_name["beside_lens"]
     assert front_fraction(system) == pytest.approx(1 - beside, abs=1e-12)
 
 

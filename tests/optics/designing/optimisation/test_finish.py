@@ -71,7 +71,7 @@ def test_without_fresnels_losses_all_refracted_light_passes(tmp_path, backend):
         _, landing = tracer.trace(c)
         passing[fresnel] = tracer.fates(landing, system.target.settings.half_width)
     assert passing[False].transmitted == pytest.approx(system.problem.source.flux, rel=1e-12)
-    assert passing[False].front_reflected == pytest.approx(0, abs=1e-15)
+    assert passing[False].by_name["front_reflected"] == pytest.approx(0, abs=1e-15)
     assert passing[True].transmitted < 0.93 * system.problem.source.flux
 
 

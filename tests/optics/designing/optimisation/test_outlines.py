@@ -100,6 +100,6 @@ def test_a_round_lens_is_designed_with_all_light_of_its_round_beam(tmp_path, bac
     assert made.lens.rear.outline.is_ellipse
     cells = made.system.source.cells((101, 101))
     _, fates = cell_irradiance(made.system.path(made.lens), made.system.target.screen(), cells, backend)
-    assert fates.beside_lens + fates.missed_rear < 1e-12
+    assert fates.by_name["beside_lens"] + fates.missed_rear < 1e-12
     assert fates.transmitted > 0.9
     assert made.state.history[-1].fit < 0.5 * made.state.history[0].fit

@@ -117,7 +117,7 @@ def test_rays_are_counted_as_the_flux_is(backend, stored):
     system, lens, _ = ResultFolder(stored(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
     _, budget, counts = sequential(system, lens, backend, 64)
     for name, count in counts.items():
-        assert count / 4096 == pytest.approx(getattr(budget, name), abs=1e-6), name
+        assert count / 4096 == pytest.approx(budget.by_name[name], abs=1e-6), name
 
 
 @pytest.mark.slow

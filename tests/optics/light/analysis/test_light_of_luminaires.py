@@ -98,7 +98,7 @@ def test_fates_sum_to_the_flux(lamp, more):
     light = system.optical.source.directions.light
     below = light.flux_within(90.0) / light.flux
     back = below if "source.turn" in more else 1 - below
-    assert fates.beside_lens > 3.0 * back
+    assert fates.by_name["beside_lens"] > 3.0 * back
 
 
 def test_turning_by_half_a_turn_about_z_turns_the_picture(lamp):

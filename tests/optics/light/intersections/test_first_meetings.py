@@ -78,7 +78,7 @@ def test_a_ray_that_touches_the_surface_within_rounding_is_undecided(backend, ga
         _, landing = tracer.trace(coefficients(lens))
     counts = tracer.counts(landing, (1e9, 1e9))
     assert counts == dict.fromkeys(counts, 0) | {fate: 1}
-    assert tracer.fates(landing, (1e9, 1e9)).unresolved == float(fate == "unresolved")
+    assert tracer.fates(landing, (1e9, 1e9)).by_name["unresolved"] == float(fate == "unresolved")
 
 
 def test_a_ray_that_comes_over_the_rim_above_the_surface_misses_it(backend):

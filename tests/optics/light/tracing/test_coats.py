@@ -20,8 +20,8 @@ def test_a_coat_lets_its_share_through_where_light_is_not_reflected_totally(coat
     tracer = Tracer(backend, path, rays)
     _, landing = tracer.trace()
     fates = tracer.fates(landing, (1e3, 1e3))
-    assert fates.front_reflected == pytest.approx(0.004, rel=1e-12)
-    assert fates.rear_reflected == pytest.approx(0.996 * 0.25, rel=1e-12)
+    assert fates.by_name["front_reflected"] == pytest.approx(0.004, rel=1e-12)
+    assert fates.by_name["rear_reflected"] == pytest.approx(0.996 * 0.25, rel=1e-12)
     bare = Tracer(backend, path.without_coats(), rays).trace()[1].flux.numpy()
     assert (bare > 0.9 / bare.size).all()
 

@@ -248,7 +248,7 @@ def test_an_ellipsoid_of_glass_makes_a_point_within_it_parallel(backend):
     path = LightPath((face,), (Medium(index), AIR), FarField())
     u, v, _, fates = traced(backend, path, cone(15.0, half_axis * (1 + e)))
     assert max(np.abs(u).max(), np.abs(v).max()) < np.degrees(1e-12)
-    assert fates.total_internal == 0
+    assert fates.by_name["total_internal"] == 0
 
 
 def prism(index):
@@ -279,7 +279,7 @@ def test_below_the_critical_index_a_prism_reflects_what_fresnel_says(backend):
     straight = transmittances(1.0, index, 0.0)[0][0]
     assert 0.5 < let_out < 1
     assert flux.sum() == pytest.approx(straight**2 * (1 - let_out), rel=1e-12)
-    assert fates.total_internal == 0
+    assert fates.by_name["total_internal"] == 0
 
 
 def test_shares_of_a_splitter_add_up(backend):

@@ -163,7 +163,7 @@ def test_light_that_would_turn_back_is_lost(backend):
     backwards = np.abs(out) > np.pi / 2
     assert backwards.sum() > 10
     np.testing.assert_array_equal(landing.flux.numpy() == 0, beyond_critical | backwards)
-    assert budget.total_internal == pytest.approx(
+    assert budget.by_name["total_internal"] == pytest.approx(
         ray.share[beyond_critical | backwards].sum() / 2000, rel=1e-9
     )
 

@@ -121,7 +121,7 @@ def test_total_internal_reflection_is_counted_ray_by_ray(backend):
     x, y = mesh(beam)
     lost = np.hypot(x, y) / 10 > np.tan(np.arcsin(1 / INDEX))
     assert 0.1 < lost.mean() < 0.5
-    assert budget.total_internal == pytest.approx(0.96 * lost.mean(), rel=1e-12)
+    assert budget.by_name["total_internal"] == pytest.approx(0.96 * lost.mean(), rel=1e-12)
     np.testing.assert_array_equal(landing.flux.numpy() == 0, lost)
     slopes = np.hypot(x, y)[~lost] / 10
     share = np.where(slopes > 0, fresnel(np.arctan(np.maximum(slopes, 1e-9)), INDEX, 1.0), 0.96)
@@ -161,7 +161,7 @@ def test_fates_sum_to_the_source_flux(backend, front, rear, source, rear_half_wi
     assert min(fates.values()) >= 0
     assert np.isfinite(landing_points(landing)).all()
     beside = 1 - min(source[0], 10) * min(source[1], 10) / (source[0] * source[1])
-    assert budget.beside_lens == pytest.approx(beside, abs=1e-13)  # sums of 1517 rays
+    assert budget.by_name["beside_lens"] == pytest.approx(beside, abs=1e-13)  # sums of 1517 rays
     x, y = landing_points(landing).T
     inside = (np.abs(x) <= 20) & (np.abs(y) <= 20)
     assert budget.on_target == pytest.approx(landing.flux.numpy()[inside].sum(), abs=1e-12)
