@@ -24,10 +24,18 @@ SCREENS = [
 ]
 
 
-def splat(backend, screen, window, x, y, flux):
+def splat(backend, screen, window, x, y, flux, light=None):
     """Return the image of rays, (rows, columns) with margin."""
     rays = (backend.Float(np.atleast_1d(a).astype(float)) for a in (x, y, flux))
-    return Splat(backend, screen, window)(*rays).numpy().reshape(screen.padded, order="F")
+    return Splat(backend, screen, window, light)(*rays).numpy().reshape(screen.padded, order="F")
+
+
+def assert_defined(backend, screen, window, rays, light=None):
+    """The image is the sum over rays and pixels, to the rounding of a landing point in pixels, times the
+    window's slope (at most 2 per pixel), summed over the rays of a pixel."""
+    expected = brute_irradiance(screen, window, *rays)
+    found = splat(backend, screen, window, *rays, light)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * expected.max())
 
 
 def rays_within(screen, inset, count=200, seed=3):
@@ -41,12 +49,7 @@ def rays_within(screen, inset, count=200, seed=3):
 @pytest.mark.parametrize("screen", SCREENS, ids=repr)
 @pytest.mark.parametrize("window", WINDOWS, ids=repr)
 def test_image_is_the_sum_over_rays_and_pixels(backend, window, screen):
-    x, y, flux = rays_within(screen, window.taps / 2)
-    image = splat(backend, screen, window, x, y, flux)
-    expected = brute_irradiance(screen, window, x, y, flux)
-    # rounding of a landing point in pixels, times the window's slope (at most 2 per pixel), summed over the
-    # rays of a pixel
-    np.testing.assert_allclose(image, expected, rtol=0, atol=1e-12 * expected.max())
+    assert_defined(backend, screen, window, rays_within(screen, window.taps / 2))
 
 
 @pytest.mark.parametrize("window", [BSplineWindow(3), GaussianWindow(0.5, 4.0)], ids=repr)
@@ -54,11 +57,7 @@ def test_windows_that_reach_over_the_border_deposit_what_lies_inside(backend, wi
     """The definition of E holds for every pixel of the screen, also for rays near the border and beside
     it."""
     screen = Screen((5.0, 3.0), (15, 21), 2)
-    x, y, flux = rays_within(screen, -window.taps)
-    expected = brute_irradiance(screen, window, x, y, flux)
-    np.testing.assert_allclose(
-        splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max()
-    )
+    assert_defined(backend, screen, window, rays_within(screen, -window.taps))
 
 
 @pytest.mark.every(2)
@@ -67,11 +66,7 @@ def test_light_near_the_edge_of_the_target_is_measured(backend, sigma):
     """With the design's margin and a Gaussian that a problem may ask for, light on the target's edge is
     seen."""
     screen, window = Screen((10.0, 10.0), (32, 32), MARGIN), GaussianWindow(sigma)
-    x, y, flux = np.array([9.9, 0.0]), np.array([0.3, -9.9]), np.array([1.0, 2.0])
-    expected = brute_irradiance(screen, window, x, y, flux)
-    np.testing.assert_allclose(
-        splat(backend, screen, window, x, y, flux), expected, rtol=0, atol=1e-12 * expected.max()
-    )
+    assert_defined(backend, screen, window, ([9.9, 0.0], [0.3, -9.9], [1.0, 2.0]))
 
 
 @pytest.mark.parametrize("window", [w for w in WINDOWS if not isinstance(w, GaussianWindow)], ids=repr)
@@ -137,11 +132,7 @@ def test_no_order_and_no_number_of_threads_changes_a_bit(backend, window, light)
     found = [on_threads(threads, image, order) for threads in THREADS for order in orders]
     assert len({f.tobytes() for f in found}) == 1
     # of the 2^17 numbers on a pixel each is rounded by half a quantum, 2^-61 of the light
-    rows, columns = screen.padded
-    whole = brute_irradiance(screen, window, *rays[:, :4000])
-    part = Splat(backend, screen, window, light)(*(backend.array(r) for r in rays[:, :4000])).numpy()
-    part = part.reshape((rows, columns), order="F")
-    np.testing.assert_allclose(part, whole, rtol=0, atol=1e-12 * whole.max())
+    assert_defined(backend, screen, window, rays[:, :4000], light)
 
 
 @pytest.mark.parametrize("window", [*WINDOWS, GaussianWindow(0.3, 4.0)], ids=repr)

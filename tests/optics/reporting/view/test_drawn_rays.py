@@ -1,17 +1,17 @@
-"""Rays that are drawn: as a mirror turns them, as through the closed lens, and lost where they are."""
+"""Rays that are drawn: as a mirror turns them, as through the closed lens, and lost where they are; stops."""
 
 import numpy as np
 import pytest
 
 from optics.light.tracing import TargetArea, trace_paths
-from optics.reporting.view import scene_paths
+from optics.reporting.view import scene_paths, stop_rims
 from optics.reporting.view.drawn_rays import sequential_paths
 from optics.scene.paths import AIR, Body, LightPath, Stop, Surface
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
-from tests.optics.cases import small_lens
+from optics.scene.system import OpticalSystem, solvable_system
+from tests.optics.cases import flat_problem, small_lens
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
@@ -95,3 +95,26 @@ def test_a_lens_moved_with_its_target_moves_its_rays(backend, kind):
     moved = made[30.0][:, 1:] - made[0.0][:, 1:]
     assert np.abs(moved[..., 2] - 30).max() < (0.1 if kind == "point" else 1e-9)
     assert np.abs(moved[..., :2]).max() < (0.1 if kind == "point" else 1e-9)
+
+
+def test_rims_lie_in_the_plane_of_their_stop_and_run_round_it_in_turn():
+    ring = {
+        "shape": "ring",
+        "half_width": (4, 3),
+        "inner": (2, 1),
+        "position": (1, 2, 30),
+        "tilt": (40, 0, 10),
+    }
+    stops = [{**ring, "hole": hole} for hole in (False, True)]
+    system = solvable_system(flat_problem({"kind": "collimated", "half_width": (8, 8)}, stop=stops))
+    obstacle, slit = stop_rims(system, system.lens)
+    assert [len(obstacle), len(slit)] == [2, 3]
+    back = system.stops[0].pose.inverse()
+    areas = []
+    for rim in (*obstacle, *slit):
+        x, y, z = back.points(rim)
+        np.testing.assert_allclose(z, 0, atol=1e-13)
+        areas.append((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+    wanted = np.pi * np.array([12, -2, 0, -12, 2])
+    wanted[2] = 4 * 12.5**2
+    assert areas == pytest.approx(wanted, rel=(2 * np.pi / 64) ** 2 / 6 * 1.01)  # of 64 chords
