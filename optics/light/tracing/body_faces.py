@@ -222,7 +222,7 @@ def body_faces(backend: Backend, body: MouldedBody) -> list[GraphFace | DraftedF
     regions = [WalledRegion(backend, wall) for wall in body.walls]
     trims = [WalledRegion(backend, body.wall(k), RIM * size) for k in (0, 1)]
     graphs = [
-        surface_face(backend, s, shape.outline, outward, size, trim)
+        surface_face(backend, s, shape.outline, outward, size, trim.interval)
         for s, shape, outward, trim in zip(surfaces, (lens.front, lens.rear), (-1.0, 1.0), trims)
     ]
     faces: list[GraphFace | DraftedFace | LandFace] = [*graphs]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface, chord, first_crossing, last_root
@@ -16,6 +16,7 @@ from thbcad.checks import Floats
 from thbcad.outlines import Outline
 
 Jet: TypeAlias = "tuple[DrArray, DrArray, DrArray]"  # Z, dZ/dx, dZ/dy, or a vector
+Trim: TypeAlias = "Callable[[DeviceRays], tuple[DrArray, DrArray]]"
 
 START = 1e-10  # of the lens's size: a ray that starts so near a face is on its own side of it
 
@@ -32,14 +33,6 @@ class Meeting:
     doubt: DrArray
 
 
-class Trim(Protocol):
-    """A convex region that a face fills."""
-
-    def interval(self, rays: DeviceRays) -> tuple[DrArray, DrArray]:
-        """Return the path lengths, start > stop for none, between which lines of rays are inside."""
-        ...
-
-
 @dataclass(eq=False)
 class GraphFace:
     """The face z = Z(x, y) where a x + b y + c z + e >= 0 for every row of the domain.
@@ -48,7 +41,9 @@ class GraphFace:
     domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z, loosely.
     cell : lengths in x and y, mm, within which Z is smooth.
     surface : where the face is one, its first meetings are proven; else paths are sampled, twice a cell.
-    outline : with rounded corners, which bounds the plan instead of rows.  trim : what bounds it, too.
+    outline : with rounded corners, which bounds the plan instead of rows.
+    trim : rays -> path lengths, start > stop for none, between which their lines are in a convex region that
+        bounds the face, too.
     """
 
     backend: Backend
@@ -137,6 +132,6 @@ class GraphFace:
             enters, leaves = chord(self.backend, self.outline, (ox, oy), (dx, dy))
             start, stop = dr.maximum(start, enters), dr.minimum(stop, leaves)
         if self.trim is not None:
-            enters, leaves = self.trim.interval(rays)
+            enters, leaves = self.trim(rays)
             start, stop = dr.maximum(start, enters), dr.minimum(stop, leaves)
         return start, stop

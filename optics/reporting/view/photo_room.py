@@ -49,33 +49,42 @@ POST = 0.06  # of an element's half-width: radius of the post it stands on
 
 
 @dataclass(frozen=True, eq=False)
-class PhotoRoom:
-    """Lengths in mm, in the frame of the scene.
+class _Stand:
+    """Where the screen of a photograph stands, and the camera.  Lengths in mm, in the frame of the scene.
+
+    screen : a receiver of lengths.  half_width : of it.
+    eye : (3,), the camera.  turn : (3, 3), rows right, up and towards the camera.
+    lit : how many times brighter the room is than before a screen alone.
+    smaller : how many times screen and throw are drawn smaller.  stretch : the throw again, longer (above 1).
+    """
+
+    screen: Receiver
+    half_width: tuple[float, float]
+    eye: Floats
+    turn: Floats
+    lit: float
+    smaller: float
+    stretch: float
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoRoom(_Stand):
+    """All that stands in the room of a photograph.
 
     elements : by name, least and greatest corner of the box around each, (3, 2).
     posts : (x, y, z, radius) each, of the tops of posts.
     lamps : the sources, a point as wide as can be seen.  parallel : whether their light is.
-    screen : a receiver of lengths.  half_width : of it.  angular : it shows directions of a far field.
-    table : y of its top.  eye : (3,), the camera.  turn : (3, 3), rows right, up and towards the camera.
+    angular : the screen shows directions of a far field.  table : y of its top.
     window : left, right, bottom and top of the picture, in tangents.
-    lit : how many times brighter it is than before a screen alone.
-    smaller : how many times screen and throw are drawn smaller.  stretch : the throw again, longer (above 1).
     """
 
     elements: dict[str, Floats]
     posts: tuple[tuple[float, float, float, float], ...]
     lamps: tuple[DrawnSource, ...]
     parallel: bool
-    screen: Receiver
-    half_width: tuple[float, float]
     angular: bool
     table: float
-    eye: Floats
-    turn: Floats
     window: tuple[float, float, float, float]
-    lit: float
-    smaller: float
-    stretch: float
 
     def directions(self, lines: Integers, columns: Integers) -> Floats:
         """Return the unit directions of the rays of some lines, line by line, (3, n)."""
@@ -103,19 +112,6 @@ def _between(shares: Floats, count: int) -> Integers:
     """Return the numbers out of a count between which shares of it lie."""
     low, high = np.clip([shares.min(), shares.max()], 0, 1) * count
     return np.arange(max(int(low) - 1, 0), min(int(high) + 2, count))
-
-
-@dataclass(frozen=True, eq=False)
-class _Stand:
-    """Where the screen of a photograph stands, and the camera; see `PhotoRoom`."""
-
-    screen: Receiver
-    half_width: tuple[float, float]
-    eye: Floats
-    turn: Floats
-    lit: float
-    smaller: float
-    stretch: float
 
 
 def photo_room(system: OpticalSystem, lens: Lens) -> PhotoRoom:

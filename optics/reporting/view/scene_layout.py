@@ -124,7 +124,7 @@ class Scene:
     @property
     def lens(self) -> Floats:
         """Least and greatest corner of the box around the element, (3, 2)."""
-        return np.stack([self.body.min(axis=1), self.body.max(axis=1)], axis=1)
+        return box_of(self.body)
 
     def nearer(self, points: Floats) -> bool:
         """Return whether points (3, n) stand nearer to the viewer than the elements."""
