@@ -102,8 +102,7 @@ def _through_front_and_rear(
 ) -> tuple[Floats, SequentialFates]:
     """Return the flux in the pixels by the direct way, W, and its fates."""
     tracer = Tracer(backend, system.own_path(lens), rays)
-    with backend.dr.suspend_grad():
-        _, landing = tracer.trace()
-        direct = tracer.fates(landing, screen.half_width)
+    landing = tracer.landed()
+    direct = tracer.fates(landing, screen.half_width)
     points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
     return screen.binned(points, landing.flux.numpy()), direct

@@ -87,6 +87,4 @@ def traced_parts(
     for part in parts:
         errors = [fresh.normal(0, rms, (2, part.flux.size)) if rms else None for rms in slope_rms]
         tracer = Tracer(backend, path.with_slope_errors(errors), part)
-        with backend.dr.suspend_grad():
-            _, landing = tracer.trace()
-        yield tracer, landing
+        yield tracer, tracer.landed()

@@ -57,11 +57,9 @@ def at_target(
     x, y, p, q = points
     origin, direction = np.stack([x, y, np.full_like(x, source_z)]), [p, q, np.sqrt(1 - p * p - q * q)]
     rays = Rays(origin, np.stack(direction), np.broadcast_to(np.asarray(flux, dtype=np.float64), x.shape))
-    tracer = Tracer(backend, LightPath.through(lens, receiver_at(target_z), 0.0), rays)
-    with backend.dr.suspend_grad():
-        _, landing = tracer.trace()
-        found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
-        backend.dr.eval(found)
+    landing = Tracer(backend, LightPath.through(lens, receiver_at(target_z), 0.0), rays).landed()
+    found = [landing.x, landing.y, landing.p, landing.q, landing.flux]
+    backend.dr.eval(found)
     *coordinates, arriving = (a.numpy() for a in found)
     return PhaseSpace(np.stack(coordinates), arriving)
 

@@ -111,9 +111,7 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
     for k, surface in enumerate(bare.surfaces):
         hits, _, _ = free.at(k)
         points.append(surface.pose.points(np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])))
-    with backend.dr.suspend_grad():
-        _, landing = free.trace()
-        _, shaded = Tracer(backend, system.shaded_path(lens), rays).trace()
+    landing, shaded = free.landed(), Tracer(backend, system.shaded_path(lens), rays).landed()
     points.append(np.array(np.broadcast_arrays(*bare.receiver.points(landing.x.numpy(), landing.y.numpy()))))
     alive, total = np.ones(COUNT, dtype=bool), 0
     passages = [*((p.hit, q.blocked) for p, q in zip(landing.passages, shaded.passages))]

@@ -39,8 +39,7 @@ def cone(half_angle, distance, counts=(21, 21)):
 def traced(backend, path, rays):
     """Return (x, y, flux, fates) of a path that loses no ray beside its surfaces."""
     tracer = Tracer(backend, path, rays)
-    with backend.dr.suspend_grad():
-        _, landing = tracer.trace()
+    landing = tracer.landed()
     every = np.zeros(rays.flux.size)
     assert landing.arrives.numpy().all()
     x, y, flux = (a.numpy() + every for a in (landing.x, landing.y, landing.flux))
@@ -95,8 +94,8 @@ def test_a_fold_mirror_gives_the_unfolded_landing_points_with_one_axis_flipped(b
 def irradiance(backend, path, cells, screen):
     """Return the light of cells on a screen, (rows, columns) W per unit area."""
     rays = cells.rays()
+    landing = Tracer(backend, path, rays).landed()
     with backend.dr.suspend_grad():
-        _, landing = Tracer(backend, path, rays).trace()
         mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         image = mapped(landing.x + every, landing.y + every, landing.flux + every, landing.arrives)
@@ -301,9 +300,7 @@ def test_no_path_makes_light_denser_than_pi_times_its_radiance(backend):
     face = mirror(-half_axis * (1 - eccentricity**2), -(eccentricity**2), half_width=12.0)
     path = LightPath((face,), (AIR, AIR), Plane(Pose.at((0.0, 0.0, -near)) @ BACK))
     (rays,) = lambertian_parts((radius, radius), far, 1.0, 12.0, Profile("round"), count, 3, 1 << 30)
-    tracer = Tracer(backend, path, rays)
-    with backend.dr.suspend_grad():
-        _, landing = tracer.trace()
+    landing = Tracer(backend, path, rays).landed()
     points = [a.numpy() for a in (landing.x, landing.y)]
     edges = np.linspace(-0.2, 0.2, 9)
     flux = np.histogram2d(*points, bins=[edges, edges], weights=landing.flux.numpy())[0]
