@@ -14,7 +14,7 @@ from optics.exchange.mitsuba import LensMesh, load_mitsuba
 from optics.light.engines import ExactEngine, Film
 from optics.scene.receivers import GaussianWindow, Screen
 from oracles.error_measures import relative
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 STUDY = {"target.pixels": [24, 24], "optimizer.window": "gaussian", "optimizer.rays_per_pixel": 8}
@@ -37,7 +37,7 @@ def mi(backend, monkeypatch):
 
 def models(folder, backend, changes=None):
     """Return the exact model, that of the camera, and coefficients without symmetry."""
-    system = loaded(folder, STUDY | (changes or {}))
+    system = small_system(folder, STUDY | (changes or {}))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 3), (121, 121), GaussianWindow(1.0))
@@ -96,7 +96,7 @@ def test_the_camera_sees_twice_the_target_and_its_margin(margin):
 
 
 def test_a_lens_without_reflections_is_refused(tmp_path):
-    system = loaded(tmp_path, {"optimizer.fresnel": False})
+    system = small_system(tmp_path, {"optimizer.fresnel": False})
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
         camera_engine(1).model(system, system.lens, film)
@@ -105,7 +105,7 @@ def test_a_lens_without_reflections_is_refused(tmp_path):
 @pytest.mark.slow
 def test_a_whole_design_runs_through_all_levels(tmp_path, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     _, state = shape_lens(system, backend, camera_engine(1))
     fits = [row.fit for row in state.history]
     assert len({row.level for row in state.history}) == 3

@@ -164,24 +164,19 @@ def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"
     return path
 
 
-def loaded(folder, changes=None, image=None, **options):
-    """Return the OpticalSystem of the small problem, written into a folder by `write_problem`."""
-    return OpticalSystem(load_problem(write_problem(folder, changes, image, **options)))
-
-
 def example_system(name, changes=None):
     """Return the OpticalSystem of an example; changes : {"table.key": value}."""
     return OpticalSystem(load_problem(EXAMPLES / f"{name}.toml", changes))
 
 
-def small_problem(folder, changes=None, **more):
-    """Return the small problem, written into a folder and loaded.  more : as of `write_problem`."""
-    return load_problem(write_problem(folder, changes, **more))
+def small_problem(folder, changes=None, image=None, **more):
+    """Return the small problem, written into a folder and loaded, see `write_problem`."""
+    return load_problem(write_problem(folder, changes, image, **more))
 
 
-def small_system(folder, changes=None, **more):
+def small_system(folder, changes=None, image=None, **more):
     """Return the system of the small problem, see `small_problem`."""
-    return OpticalSystem(small_problem(folder, changes, **more))
+    return OpticalSystem(small_problem(folder, changes, image, **more))
 
 
 def flat_problem(source, target=(), lens=(), **more):

@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
 from tests.cases import examples
-from tests.optics.cases import HOLLOW, loaded
+from tests.optics.cases import HOLLOW, small_system
 
 SMALL_TARGET = HOLLOW | {
     "source.kind": "lambertian",
@@ -68,7 +68,7 @@ def test_light_within_the_caps_is_not_forbidden():
 
 @pytest.fixture
 def small(tmp_path):
-    return universal_bound(loaded(tmp_path, SMALL_TARGET))
+    return universal_bound(small_system(tmp_path, SMALL_TARGET))
 
 
 def test_the_least_error_grows_with_the_efficiency_until_no_light_has_it(small):
@@ -100,7 +100,7 @@ def test_the_brightest_light_fills_the_silhouette(small):
 def test_a_brighter_source_forbids_less(tmp_path):
     """The same flux from a quarter of the area has four times the radiance."""
     narrow, wide = (
-        universal_bound(loaded(tmp_path, SMALL_TARGET | {"source.half_width": [half, half]}))
+        universal_bound(small_system(tmp_path, SMALL_TARGET | {"source.half_width": [half, half]}))
         for half in (2.0, 4.0)
     )
     np.testing.assert_allclose(narrow.most, 4 * wide.most)
@@ -110,7 +110,7 @@ def test_a_brighter_source_forbids_less(tmp_path):
 def test_directions_have_a_bound_too(tmp_path):
     """The whole sphere of directions in view takes the flux; a narrow cone A Omega L."""
     far = {"target.distance": float("inf"), "target.half_width": [2.0, 2.0]}
-    found = universal_bound(loaded(tmp_path, SMALL_TARGET | far))
+    found = universal_bound(small_system(tmp_path, SMALL_TARGET | far))
     omega = np.radians(4.0) ** 2
     # the rear's square of 16 x 16 mm is the shadow on the axis; edges of 13 mm add tan(2 degrees) of it
     assert found.most_on_target == pytest.approx(256 * omega / (64 * np.pi), rel=0.1)

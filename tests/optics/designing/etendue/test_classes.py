@@ -7,7 +7,7 @@ from optics.designing.etendue import FIXED_QUICK, one_blur, reached_sentences, u
 from optics.designing.etendue.problem_bounds import SEARCH_QUICK
 from optics.designing.etendue.throughput_bound import image_area
 from optics.light.analysis import rel_l2
-from tests.optics.cases import HOLLOW, example_system, loaded
+from tests.optics.cases import HOLLOW, example_system, small_system
 
 EFFICIENCY = 0.9216
 STRIPES = HOLLOW | {
@@ -30,7 +30,7 @@ def stripes(tmp_path):
     """The problem of two upright stripes, 2 pixels wide and apart, 26 pixels high."""
     light = np.zeros((32, 32), dtype=np.uint8)
     light[3:29, 13:15] = light[3:29, 17:19] = 255
-    return loaded(tmp_path, STRIPES, light)
+    return small_system(tmp_path, STRIPES, light)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
 from tests.cases import examples, slow_unless
-from tests.optics.cases import HOLLOW, example_system, hollow_lens, loaded
+from tests.optics.cases import HOLLOW, example_system, hollow_lens, small_system
 
 GLOWING = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5]}
 BOX = np.array([[i, j, k] for i in (-3.0, 2.0) for j in (-1.0, 4.0) for k in (-2.0, 5.0)])
@@ -160,7 +160,7 @@ def test_bounds_of_the_examples_are_within_three_per_cent(name):
 def test_bounds_of_wide_pixels_are_within_one_and_a_half_times(tmp_path, pixels):
     """Pixels of 10 mm, 20 mm away, which see the lens at very different depths."""
     near = {"target.distance": 20.0, "target.half_width": [5.0 * pixels] * 2, "target.pixels": [pixels] * 2}
-    system = loaded(tmp_path, GLOWING | near)
+    system = small_system(tmp_path, GLOWING | near)
     times = over_sampled(system, sampled_lenses(system, 64))
     assert (times >= 1).all()
     assert times.max() < 1.5
@@ -175,7 +175,7 @@ def test_a_target_that_touches_the_envelope_may_see_all_directions(z):
 def test_the_envelope_holds_lenses_of_all_shapes(tmp_path):
     """Points of front, rear and the edges between their rims, at both ends of z_freedom."""
     free = {"lens.rear.freeform.z_freedom": 3.0}
-    system = loaded(tmp_path, GLOWING | free)
+    system = small_system(tmp_path, GLOWING | free)
     inside = Delaunay(envelope(system))
     lens = hollow_lens()
     t = np.linspace(-1, 1, 23)

@@ -22,7 +22,7 @@ from optics.designing.etendue.throughput_bound import (
 from optics.light.blur import patch_images
 from optics.light.tracing import Tracer
 from tests.cases import examples
-from tests.optics.cases import example_system, hollow_lens, loaded, target_z, tracer_to
+from tests.optics.cases import example_system, hollow_lens, small_system, target_z, tracer_to
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.25], "source.distance": 20.0}
 FLAT = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
@@ -59,7 +59,9 @@ def parallel_rectangles(a, b, distance):
 @pytest.mark.parametrize("half_angle", [90.0, 30.0])
 def test_etendue_of_sources(tmp_path, half_angle):
     glowing = LAMBERTIAN | {"source.half_angle": half_angle}
-    square, disk = (loaded(tmp_path, glowing | {"source.profile": name}) for name in ("uniform", "round"))
+    square, disk = (
+        small_system(tmp_path, glowing | {"source.profile": name}) for name in ("uniform", "round")
+    )
     etendue = square.source.etendue
     assert etendue == pytest.approx(pi * 0.5 * sin(radians(half_angle)) ** 2, rel=1e-14)
     assert disk.source.etendue == pytest.approx(pi / 4 * etendue, rel=1e-14)
@@ -67,7 +69,7 @@ def test_etendue_of_sources(tmp_path, half_angle):
 
 @pytest.mark.parametrize("changes", [{}, {"source.kind": "point", "source.distance": 20.0}])
 def test_sources_without_extent_have_none(tmp_path, changes):
-    found = throughput(loaded(tmp_path, changes, drop=("source.half_width",) if changes else ()))
+    found = throughput(small_system(tmp_path, changes, drop=("source.half_width",) if changes else ()))
     assert (found.source, found.front, found.radiance) == (0, 0, float("inf"))
     assert 0 < found.meets_front <= 1
 
@@ -77,7 +79,7 @@ def test_etendue_between_aperture_and_target(tmp_path, distance):
     """Against the closed form; 8 nodes of Gauss's rule are exact for polynomials of degree 15 in (10 /
     60)."""
     sizes = {"target.half_width": [20.0, 35.0], "lens.rear.half_width": [10.0, 7.0]}
-    found = aperture_etendue(loaded(tmp_path, sizes | {"target.distance": distance}))
+    found = aperture_etendue(small_system(tmp_path, sizes | {"target.distance": distance}))
     assert found == pytest.approx(parallel_rectangles((10.0, 7.0), (20.0, 35.0), distance), rel=1e-8)
 
 
@@ -86,7 +88,7 @@ def test_the_far_field_is_the_limit_of_distance(tmp_path):
     distance, angles = 1e5, [30.0, 20.0]
     sides = [distance * np.tan(np.radians(a)) for a in angles]
     far, near = (
-        aperture_etendue(loaded(tmp_path, {"target.distance": d, "target.half_width": half}))
+        aperture_etendue(small_system(tmp_path, {"target.distance": d, "target.half_width": half}))
         for d, half in ((float("inf"), angles), (distance, sides))
     )
     assert far == pytest.approx(near, rel=1e-7)
@@ -95,18 +97,18 @@ def test_the_far_field_is_the_limit_of_distance(tmp_path):
 def test_pixels_see_at_most_the_area_of_the_rear(tmp_path):
     """A flat aperture sees cos^4 / D^2 of what a turned one of its area could, cos^3 / D^2; the nearest
     places count."""
-    system = loaded(tmp_path, FLAT | {"target.half_width": [40.0, 30.0]})
+    system = small_system(tmp_path, FLAT | {"target.half_width": [40.0, 30.0]})
     most = (rear_area(system.lens) / spread(system)).sum() * system.target.screen().pixel_area
     assert aperture_etendue(system) < most < 1.5 * aperture_etendue(system)
-    axis = loaded(tmp_path, FLAT | {"target.half_width": [0.1, 0.1]})
+    axis = small_system(tmp_path, FLAT | {"target.half_width": [0.1, 0.1]})
     np.testing.assert_allclose(spread(axis), 59.0**2)  # the rear may rise by z_freedom = 1 mm
-    aside = loaded(tmp_path, FLAT | {"target.half_width": [4000.0, 0.1], "target.pixels": [2000, 2]})
+    aside = small_system(tmp_path, FLAT | {"target.half_width": [4000.0, 0.1], "target.pixels": [2000, 2]})
     edge = 4000.0 - 4.0 - 10.0
     assert spread(aside)[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
 
 
 def test_solid_angle_of_pixels_in_the_far_field(tmp_path):
-    system = loaded(tmp_path, {"target.distance": float("inf"), "target.half_width": [30.0, 20.0]})
+    system = small_system(tmp_path, {"target.distance": float("inf"), "target.half_width": [30.0, 20.0]})
     total = (1 / spread(system)).sum() * system.target.screen().pixel_area
     a, b = np.tan(np.radians([30.0, 20.0]))
     assert total == pytest.approx(4 * atan(a * b / sqrt(1 + a * a + b * b)), rel=1e-4)  # of a pyramid
@@ -115,7 +117,7 @@ def test_solid_angle_of_pixels_in_the_far_field(tmp_path):
 def test_area_of_a_paraboloid(tmp_path):
     """z = r^2 / (2 R): over a disk 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1); over the square by quadrature of
     scipy."""
-    lens = loaded(tmp_path).lens
+    lens = small_system(tmp_path).lens
     expected = dblquad(lambda y, x: sqrt(1 + (x * x + y * y) / 1600), -10, 10, -10, 10)[0]
     assert rear_area(lens) == pytest.approx(expected, rel=1e-7)
 
@@ -123,7 +125,7 @@ def test_area_of_a_paraboloid(tmp_path):
 def test_area_and_light_of_a_round_lens(tmp_path, backend):
     """The area of a paraboloid over its disk; light beside the front is that of a trace of the same rays."""
     near = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
-    system = loaded(tmp_path, {**near, "lens.outline": "round"})
+    system = small_system(tmp_path, {**near, "lens.outline": "round"})
     lens, r = system.lens, system.lens.rear.half_width[0] / 40
     # pixels that the circle cuts count whole or not: r / 512 of it, at random
     assert rear_area(lens) == pytest.approx(2 * pi * 40**2 / 3 * ((1 + r * r) ** 1.5 - 1), rel=1e-6)
@@ -140,7 +142,7 @@ def test_share_that_meets_a_plane_front(tmp_path):
     Independent random rays, 2^15 with three mirror images each, would err by sqrt(0.24 0.76 / 2^15) = 2.4e-3;
     Sobol points err less.
     """
-    found = front_fraction(loaded(tmp_path, LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
+    found = front_fraction(small_system(tmp_path, LAMBERTIAN | {"source.half_width": [1e-3, 1e-3]}))
     ratio = 10 / 20
     wide = sqrt(1 + ratio**2)
     assert found == pytest.approx(4 * ratio / wide * atan(ratio / wide) / pi, abs=2.4e-3)
@@ -156,7 +158,7 @@ def test_share_that_meets_a_hollow_front(backend, tmp_path, distance):
         "lens.rear.half_width": [8.0, 8.0],
     }
     changes = front | {"source.distance": distance, "lens.rear.radius": -10.0}
-    system = loaded(tmp_path, LAMBERTIAN | changes)
+    system = small_system(tmp_path, LAMBERTIAN | changes)
     lens, problem = system.lens, system.problem
     tracer = tracer_to(backend, lens, system.source.rays(RAYS), target_z(problem))
     with backend.dr.suspend_grad():
@@ -166,11 +168,11 @@ def test_share_that_meets_a_hollow_front(backend, tmp_path, distance):
 
 
 def test_a_picture_is_as_bright_as_its_brightest_place(tmp_path):
-    system = loaded(tmp_path, LAMBERTIAN | {"source.profile": "gaussian", "source.sigma": [0.3, 0.3]})
+    system = small_system(tmp_path, LAMBERTIAN | {"source.profile": "gaussian", "source.sigma": [0.3, 0.3]})
     s = (np.arange(1000) + 0.5) / 500 - 1
     expected = 1 / np.exp(-0.5 * (s / 0.3) ** 2).mean() ** 2
     assert brightest(system.source.profile) == pytest.approx(expected, rel=1e-5)
-    assert half_width(system, 1.0)[0] < half_width(loaded(tmp_path, LAMBERTIAN), 1.0)[0]
+    assert half_width(system, 1.0)[0] < half_width(small_system(tmp_path, LAMBERTIAN), 1.0)[0]
 
 
 def half_width(system, share, rel_l2=float("inf")):
@@ -180,10 +182,10 @@ def half_width(system, share, rel_l2=float("inf")):
 def test_size_of_images(tmp_path):
     """w^2 = D^2 U / S with U = pi / 2, S = 400 and D from the highest place of the rear (z_freedom = 1):
     proportions 2 to 1."""
-    wide, high = half_width(loaded(tmp_path, LAMBERTIAN | FLAT), 0.5)
+    wide, high = half_width(small_system(tmp_path, LAMBERTIAN | FLAT), 0.5)
     assert wide == pytest.approx(2 * high)
     assert 4 * wide * high == pytest.approx(59.0**2 * 0.5 * pi / 2 / 400)
-    far = loaded(tmp_path, LAMBERTIAN | FLAT | {"target.distance": float("inf")})
+    far = small_system(tmp_path, LAMBERTIAN | FLAT | {"target.distance": float("inf")})
     # the middle pixels of the far field are half a pixel off the axis: 1e-4
     assert half_width(far, 0.5)[0] == pytest.approx(degrees(wide / 59.0), rel=1e-3)
 
@@ -193,7 +195,7 @@ def test_light_aside_comes_in_larger_images(tmp_path):
     light = np.zeros((48, 48), dtype=np.uint8)
     light[20, 47] = 255
     wide = {"target.half_width": [90.0, 90.0], "target.fit": "stretch"}
-    system = loaded(tmp_path, LAMBERTIAN | FLAT | wide, light)
+    system = small_system(tmp_path, LAMBERTIAN | FLAT | wide, light)
     sure, likely, any_light = (half_width(system, 0.5, error)[0] for error in (0.0, 0.5, float("inf")))
     assert any_light < likely < sure
     # the search for the multiplier starts at rel_l2 = 1e-3

@@ -1,4 +1,4 @@
-"""The small problem loaded and designed, and objectives over lenses with rough surfaces."""
+"""The small problem small_system and designed, and objectives over lenses with rough surfaces."""
 
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ from optics.designing.optimisation.stage_plan import PROBES
 from optics.light.engines import ExactEngine, TracedModel
 from optics.scene.receivers import BSplineWindow, Screen
 from optics.scene.sources import Profile, collimated_beam, lambertian_parts
-from tests.optics.cases import TARGET_Z, hollow_lens, loaded, picture, rough, small_lens, tracer_to
+from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, small_system, tracer_to
 from thbcad.sags import Conic
 
 FLAT = {"optimizer.start": "flat"}
@@ -22,7 +22,7 @@ SCREEN = Screen((20.0, 20.0), (48, 48), 8)
 
 def run(folder, backend, changes):
     """Return the small problem designed."""
-    return designed(loaded(folder, changes), backend)
+    return designed(small_system(folder, changes), backend)
 
 
 def designed(system, backend):

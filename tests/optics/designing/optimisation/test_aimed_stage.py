@@ -9,14 +9,14 @@ from optics.base.runtime import load_backend
 from optics.designing.optimisation import loop, stages
 from optics.light.blur import aimed
 from optics.scene.problem import load_problem
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 
 SUN = {"source.divergence_profile": "sun", "source.divergence": 2.0}
 
 
 def test_the_sharp_stage_stands_before_the_blurred_one(tmp_path):
-    system = loaded(tmp_path, SUN)
-    plan, plain = stages(system, True), stages(loaded(tmp_path), True)
+    system = small_system(tmp_path, SUN)
+    plan, plain = stages(system, True), stages(small_system(tmp_path), True)
     assert [stage.aimed for stage in plan[-2:]] == [True, False]
     assert [stage.name for stage in plan[-2:]] == ["sharp level 2", "level 2"]
     assert plan[-2].iterations == plan[-1].iterations == 6
@@ -26,7 +26,7 @@ def test_the_sharp_stage_stands_before_the_blurred_one(tmp_path):
 
 def test_sharp_light_and_the_first_steps_of_blurred_light_are_on_fewer_cells(tmp_path):
     changes = SUN | {"optimizer.iterations": [60], "target.pixels": [96, 96]}
-    sharp, rough, last = stages(loaded(tmp_path, changes), True)[-3:]
+    sharp, rough, last = stages(small_system(tmp_path, changes), True)[-3:]
     assert [stage.name for stage in (sharp, rough, last)] == ["sharp level 2", "rough level 2", "level 2"]
     assert [stage.iterations for stage in (sharp, rough, last)] == [60, 30, 30]
     assert sharp.rays == rough.rays
@@ -36,7 +36,7 @@ def test_sharp_light_and_the_first_steps_of_blurred_light_are_on_fewer_cells(tmp
 @pytest.mark.parametrize("merge", [1, 2])
 def test_it_sees_the_light_that_is_aimed_at(tmp_path, merge):
     changes = SUN | {"optimizer.merge": merge}
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     traced = aimed(system, system.lens, load_backend("double", 1))
     stage = stages(traced, True)[-2]
     assert stage.screen.pixels == traced.goal.screen().pixels

@@ -14,7 +14,7 @@ from optics.designing.optimisation.level_objective import (
 )
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
-from tests.optics.cases import DOME, loaded
+from tests.optics.cases import DOME, small_system
 
 FINISHED = DOME | {  # 4 % of the light comes by other ways
     "target.lit": [0.7, 0.7],
@@ -28,7 +28,7 @@ FINISHED = DOME | {  # 4 % of the light comes by other ways
 
 
 def system_of(folder, changes=None):
-    return loaded(folder, FINISHED | (changes or {}))
+    return small_system(folder, FINISHED | (changes or {}))
 
 
 def test_the_objective_counts_the_background_as_light(tmp_path, backend):

@@ -12,7 +12,7 @@ from optics.designing.optimisation.stage_search import Interrupted
 from optics.interface.commands import main
 from optics.light.engines import ExactEngine
 from optics.scene.system import load_system, solvable_system
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 from tests.optics.designing.optimisation.cases import FLAT, designed
 from thbcad.surfaces import THBSurface
 
@@ -29,7 +29,7 @@ def constant(lens, height):
 
 
 def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     wanted = constant(system.lens, -5.9)
     _, found, wrong = nearest_shapes(system, system.lens, wanted)
     assert wrong == ""
@@ -39,7 +39,7 @@ def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
 @pytest.mark.parametrize(("height", "share"), [(-7.0, 0.5), (-13.0, 0.25), (-6.0, 0.5), (-1000.0, 1 / 256)])
 def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(tmp_path, height, share):
     """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, height))
     np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
     assert "cross" in wrong or "touch" in wrong
@@ -47,7 +47,7 @@ def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(
 
 
 def test_a_change_far_beyond_reason_is_dropped(tmp_path):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, -1e9))
     assert found is system.lens
     assert wrong.endswith("none of the level's changes are kept")
@@ -68,7 +68,7 @@ def crossing(system, monkeypatch):
 
 
 def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path, backend, monkeypatch):
-    system = solvable_system(loaded(tmp_path, SHORT | {"lens.rear.freeform.max_level": 1}).problem)
+    system = solvable_system(small_system(tmp_path, SHORT | {"lens.rear.freeform.max_level": 1}).problem)
     crossing(system, monkeypatch)
     made = designed(system, backend)
     assert made.lens.least_thickness().lower > 0
@@ -91,7 +91,7 @@ def test_such_a_design_still_writes_a_verified_solid(tmp_path, capsys, monkeypat
 
 
 def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, backend, monkeypatch):
-    system = solvable_system(loaded(tmp_path, SHORT).problem)
+    system = solvable_system(small_system(tmp_path, SHORT).problem)
 
     def stopped(search, iterations, log):
         log.add(search.objective([sag.coefficients for sag in search.sags]), search.sags[0].space.dim)

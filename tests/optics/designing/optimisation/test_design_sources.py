@@ -5,7 +5,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.designing.optimisation.state import earlier_state
-from tests.optics.cases import HOLLOW, loaded
+from tests.optics.cases import HOLLOW, small_system
 from tests.optics.designing.optimisation.cases import rows_of, run
 
 LAMBERTIAN = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 45.0}
@@ -101,7 +101,7 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
     state = earlier_state(twofold.system, twofold.lens)
     assert state.sags == twofold.lens.sags
     assert (state.started_from_transport, state.stage) == (False, 2)
-    wide = loaded(tmp_path, FREE_FRONT)
+    wide = small_system(tmp_path, FREE_FRONT)
     state = earlier_state(wide, alone.lens)
     assert not state.sags[0].coefficients.any()
     assert state.sags[1] is alone.lens.rear.sag
@@ -109,6 +109,6 @@ def test_an_earlier_design_gives_its_sags(twofold, alone, tmp_path):
         UserError, match=r"the front surface of the earlier design differs .* make lens\.front equal"
     ):
         earlier_state(alone.system, twofold.lens)
-    other = loaded(tmp_path, {"lens.front.freeform": FREE | {"spans": [3, 4]}})
+    other = small_system(tmp_path, {"lens.front.freeform": FREE | {"spans": [3, 4]}})
     with pytest.raises(UserError, match=r"the front surface of the earlier design differs"):
         earlier_state(other, twofold.lens)

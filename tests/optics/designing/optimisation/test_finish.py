@@ -3,7 +3,7 @@
 import pytest
 
 from optics.designing.optimisation import earlier_state, stages, transmitted_flux
-from tests.optics.cases import loaded, target_z, tracer_to
+from tests.optics.cases import small_system, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import run
 
 GLOWING = {
@@ -20,9 +20,9 @@ GLOWING = {
 
 
 def test_a_finish_is_one_more_stage_on_unmerged_pixels(tmp_path):
-    plan = stages(loaded(tmp_path, GLOWING | {"optimizer.finish": 9}), False)
+    plan = stages(small_system(tmp_path, GLOWING | {"optimizer.finish": 9}), False)
     *before, last = plan
-    assert before == stages(loaded(tmp_path, GLOWING), False) or len(before) == 2
+    assert before == stages(small_system(tmp_path, GLOWING), False) or len(before) == 2
     assert [stage.finish for stage in plan] == [False, False, True]
     assert (last.level, last.iterations) == (1, 9)
     assert last.screen.pixels == (48, 48)
@@ -60,7 +60,7 @@ def test_the_result_of_every_stage_of_an_extended_source_is_measured_with_other_
 
 
 def test_without_fresnels_losses_all_refracted_light_passes(tmp_path, backend):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     lens = system.lens
     c = [sag.coefficients for sag in lens.sags]
     passing = {}
@@ -85,7 +85,7 @@ def test_a_design_without_fresnels_losses_ends_with_nearly_the_same_light(tmp_pa
 
 def test_an_earlier_design_goes_through_the_last_level_and_its_finish(tmp_path):
     """Not through the finish alone."""
-    system = loaded(tmp_path, GLOWING | {"optimizer.finish": 9})
+    system = small_system(tmp_path, GLOWING | {"optimizer.finish": 9})
     plan = stages(system, False)
     state = earlier_state(system, system.lens)
     assert [(stage.level, stage.finish) for stage in plan[state.stage :]] == [(1, False), (1, True)]

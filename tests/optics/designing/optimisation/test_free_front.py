@@ -10,7 +10,7 @@ from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.system import OpticalSystem
 from tests.cases import slow_unless
-from tests.optics.cases import front_problem, loaded, rough
+from tests.optics.cases import front_problem, rough, small_system
 from thbcad.surfaces import THBSurface
 
 REARS = {
@@ -61,6 +61,6 @@ def test_a_design_goes_on_from_another_front(tmp_path):
     earlier = system.lens.with_sags([THBSurface(space, rough(space, 0.1))])
     (sag,) = earlier_state(system, earlier).sags
     np.testing.assert_array_equal(sag.coefficients, earlier.front.sag.coefficients)
-    free_rear = loaded(tmp_path).lens
+    free_rear = small_system(tmp_path).lens
     with pytest.raises(UserError, match="the rear surface of the earlier design differs"):
         earlier_state(system, free_rear)

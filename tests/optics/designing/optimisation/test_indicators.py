@@ -11,7 +11,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation.indicators import LEAST, promised_decrease, refined_once
 from optics.designing.optimisation.loop import shape_lens
 from optics.light.engines import ExactEngine
-from tests.optics.cases import loaded, small_space
+from tests.optics.cases import small_space, small_system
 from tests.optics.designing.optimisation.cases import designed
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
@@ -164,7 +164,7 @@ def refined(folder, backend, start, indicator, place, more):
         "refinement.indicator": indicator,
         "refinement.alpha": [1.25 if indicator == "slope" else 1.0],  # slopes differ a little everywhere
     }
-    system = loaded(folder, PLATE | changes | more, image=blob(*place))
+    system = small_system(folder, PLATE | changes | more, image=blob(*place))
     first = designed(system, backend).checkpoints[0]
     return [sag.space.boxes[sag.space.cells[:, 0] == sag.space.levels - 1] for sag in first.sags]
 
@@ -222,7 +222,7 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
 )
 def test_slopes_without_a_transport_start_or_with_a_free_front(tmp_path, backend, more):
     """The design refines the rear, or one sentence says why not."""
-    system = loaded(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
+    system = small_system(tmp_path, {"refinement.indicator": "slope", "target.pixels": [32, 32]} | more)
     with suppress(UserError):
         lens, _ = shape_lens(system, backend, ExactEngine(backend))
         assert len(lens.rear.sag.space.cells) > 16

@@ -10,7 +10,7 @@ from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
 from tests.cases import python
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 from tests.optics.designing.optimisation.cases import FLAT, check_counts, rows_of, run
 
 ON_ONE_THREAD = """
@@ -92,7 +92,7 @@ def test_an_interrupted_run_goes_on_after_a_transport_start(moved, backend):
 @pytest.mark.slow
 def test_an_interrupted_run_keeps_the_best_surface_not_the_last(tmp_path, backend):
     """Ctrl-C right after a step that made things worse, as line searches take them now and then."""
-    system = loaded(tmp_path, FLAT | {"optimizer.iterations": [40]})
+    system = small_system(tmp_path, FLAT | {"optimizer.iterations": [40]})
     best = {}
 
     def stop(plan, stage, dof, row):

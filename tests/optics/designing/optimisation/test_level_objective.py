@@ -7,7 +7,7 @@ import pytest
 
 from optics.designing.optimisation import stage_objective, stages
 from optics.light.engines import ExactEngine
-from tests.optics.cases import coefficients, loaded
+from tests.optics.cases import coefficients, small_system
 
 
 @pytest.mark.parametrize("profile", ["uniform", "gaussian"])
@@ -21,7 +21,7 @@ def test_all_light_before_a_small_rear_is_seen(tmp_path, backend, profile):
         "lens.rear.radius": np.inf,
         "lens.rear.conic": 0.0,
     }
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     *_, stage = stages(system, False)
     objective = stage_objective(system, system.lens, stage, system.target.light, ExactEngine(backend))
     image = objective.image(coefficients(system.lens))

@@ -15,7 +15,7 @@ from optics.light.engines import ExactEngine
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Limits
 from tests.cases import slow_unless
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.designing.optimisation.cases import run
 from thbcad.lens import manufacturability
 
@@ -130,7 +130,7 @@ def test_the_mesh_stays_at_the_level_that_the_smallest_feature_allows(tmp_path, 
 @pytest.mark.parametrize("passes", range(1, PASSES))
 def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch, unlimited, passes):
     limit = beyond(found_in(unlimited))["radius"]
-    system = loaded(tmp_path, COARSE | {"limits.radius": 2 * limit})
+    system = small_system(tmp_path, COARSE | {"limits.radius": 2 * limit})
     genuine, calls = limit_keeper.minimised, []
 
     def stopped(search, iterations, log):

@@ -12,7 +12,7 @@ from optics.designing.optimisation.stage_plan import PROBES, stages
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.designing.optimisation.cases import FLAT, check_counts, rows_of, run
 
 
@@ -34,7 +34,7 @@ def test_a_finer_level_starts_from_the_surface_of_the_level_before(small):
 
 @pytest.mark.parametrize(("window", "wide", "last"), [("pixel", 3, 2), ("bspline", 3, 3), ("gaussian", 8, 8)])
 def test_windows_of_the_levels(tmp_path, window, wide, last):
-    system = loaded(tmp_path, FLAT | {"optimizer.window": window})
+    system = small_system(tmp_path, FLAT | {"optimizer.window": window})
     assert [stage_window(system.problem, stage.final).taps for stage in stages(system, False)] == [
         wide,
         wide,
@@ -45,7 +45,9 @@ def test_windows_of_the_levels(tmp_path, window, wide, last):
 @pytest.mark.parametrize("start", ["flat", "transport"])
 def test_the_light_of_cells_is_that_of_the_last_level(tmp_path, start):
     """Every level has one stage; those before the last measure rays."""
-    plan = stages(loaded(tmp_path, {"optimizer.start": start, "target.pixels": [64, 64]}), start != "flat")
+    plan = stages(
+        small_system(tmp_path, {"optimizer.start": start, "target.pixels": [64, 64]}), start != "flat"
+    )
     levels = [stage.level for stage in plan]
     assert levels == list(range(levels[0], 3))
     assert [stage.exact for stage in plan] == [level == 2 for level in levels]
@@ -54,13 +56,15 @@ def test_the_light_of_cells_is_that_of_the_last_level(tmp_path, start):
 
 @pytest.mark.parametrize("window", ["pixel", "bspline", "gaussian"])
 def test_rays_in_a_window_can_be_asked_for(tmp_path, window):
-    assert not any(stage.exact for stage in stages(loaded(tmp_path, {"optimizer.window": window}), True))
+    assert not any(
+        stage.exact for stage in stages(small_system(tmp_path, {"optimizer.window": window}), True)
+    )
 
 
 def test_extended_sources_keep_their_rays_and_the_sharp_window(tmp_path):
     """Their light has no cells: what `cells` means for them is `pixel`."""
     glowing = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "optimizer.start": "flat"}
-    systems = [loaded(tmp_path, glowing | {"optimizer.window": name}) for name in ("cells", "pixel")]
+    systems = [small_system(tmp_path, glowing | {"optimizer.window": name}) for name in ("cells", "pixel")]
     plans = [[(s.rays, s.exact) for s in stages(system, False)] for system in systems]
     assert plans[0] == plans[1]
     assert not any(exact for _, exact in plans[0])
@@ -81,7 +85,7 @@ def test_extended_sources_keep_their_rays_and_the_sharp_window(tmp_path):
     ],
 )
 def test_cells_suffice_for_pixels_and_for_the_spans_that_are_lit(tmp_path, changes, cells):
-    final = stages(loaded(tmp_path, changes), False)[-1]
+    final = stages(small_system(tmp_path, changes), False)[-1]
     assert final.rays == tuple(n + 1 for n in cells)  # corners
 
 
@@ -90,7 +94,7 @@ def test_half_of_many_steps_are_taken_on_fewer_cells(tmp_path):
     found = {
         steps: [
             (s.name, s.iterations, s.rays)
-            for s in stages(loaded(tmp_path, fine | {"optimizer.iterations": [steps]}), True)
+            for s in stages(small_system(tmp_path, fine | {"optimizer.iterations": [steps]}), True)
             if s.iterations
         ]
         for steps in (71, 23)
@@ -101,7 +105,7 @@ def test_half_of_many_steps_are_taken_on_fewer_cells(tmp_path):
 
 def test_too_many_cells_are_refused(tmp_path):
     fine = {"lens.rear.freeform.max_level": 6, "lens.rear.freeform.spans": [8, 8]}
-    system = loaded(tmp_path, fine | {"target.pixels": [2160, 2160]})
+    system = small_system(tmp_path, fine | {"target.pixels": [2160, 2160]})
     with pytest.raises(UserError, match=r"level 6 would trace 6481 x 6481 rays at once"):
         stages(system, False)
 
@@ -221,7 +225,7 @@ def test_coefficients_keep_to_z_freedom(tmp_path, backend, bound):
             "lens.rear.freeform.z_freedom": bound,
             "lens.rear.freeform.max_level": 1,
         }
-        lens, _ = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
+        lens, _ = shape_lens(small_system(tmp_path, changes), backend, ExactEngine(backend))
         assert np.abs(lens.rear.sag.coefficients).max() <= bound * (1 + 1e-15)
     if bound < 0.1:
         assert np.abs(lens.rear.sag.coefficients).max() > 0.9 * bound
@@ -252,7 +256,7 @@ def test_windows_and_curved_fronts_design_too(tmp_path, backend, window, front):
         "lens.front.radius": front,
         "lens.rear.freeform.max_level": 0,
     }
-    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    _, state = shape_lens(small_system(tmp_path, changes), backend, ExactEngine(backend))
     assert min(r.loss for r in state.history) < 0.7 * state.history[0].loss
 
 
@@ -268,8 +272,8 @@ def test_oblong_lenses_pictures_and_targets_design_too(tmp_path, backend, start)
         "target.half_width": [20.0, 12.0],
         "target.pixels": [50, 30],
     }
-    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
-    plan = stages(loaded(tmp_path, changes), start == "transport")
+    _, state = shape_lens(small_system(tmp_path, changes), backend, ExactEngine(backend))
+    plan = stages(small_system(tmp_path, changes), start == "transport")
     assert state.history[0].level == next(stage.level for stage in plan if stage.iterations)
     losses = [r.loss for r in rows_of(state.history, 2)]
     assert min(losses) < losses[0]
@@ -278,7 +282,7 @@ def test_oblong_lenses_pictures_and_targets_design_too(tmp_path, backend, start)
 
 def test_stages_refine_pixels_until_the_targets_own(tmp_path):
     changes = {"target.pixels": [192, 96], "lens.rear.freeform.max_level": 3}
-    system = loaded(tmp_path, FLAT | changes)
+    system = small_system(tmp_path, FLAT | changes)
     plan = stages(system, False)
     assert [s.level for s in plan] == [0, 1, 2, 3]
     assert plan[0].screen.pixels == (48, 24)
@@ -294,7 +298,7 @@ def test_stages_refine_pixels_until_the_targets_own(tmp_path):
 
 def test_merged_pixels_cover_the_whole_target(tmp_path):
     """51 x 49 pixels merged by two give 26 x 25 over the same rectangle."""
-    system = loaded(tmp_path, {"target.pixels": [51, 49]})
+    system = small_system(tmp_path, {"target.pixels": [51, 49]})
     screen = system.target.screen(2, 8)
     assert (screen.pixels, screen.half_width, screen.margin) == ((26, 25), (20.0, 20.0), 8)
 
@@ -318,7 +322,7 @@ def test_a_mirror_symmetric_problem_is_refined_symmetrically(tmp_path, backend):
         "optimizer.iterations": [1],
         "lens.rear.freeform.max_level": 1,
     }
-    lens, _ = shape_lens(loaded(tmp_path, changes, image=image), backend, ExactEngine(backend))
+    lens, _ = shape_lens(small_system(tmp_path, changes, image=image), backend, ExactEngine(backend))
     cells = {tuple(c) for c in lens.rear.sag.space.cells.tolist()}
     assert 0 < sum(n == 0 for n, _, _ in cells) < 16
     assert {(n, (4 << n) - 1 - i, j) for n, i, j in cells} == cells

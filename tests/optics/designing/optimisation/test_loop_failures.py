@@ -9,13 +9,13 @@ from optics.designing.optimisation.state import State
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Problem
 from optics.scene.system import solvable_system
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.designing.optimisation.cases import FLAT
 from thbcad.surfaces import THBSurface
 
 
 def test_a_loss_that_is_not_finite_is_named(tmp_path, backend):
-    system = loaded(tmp_path, FLAT)
+    system = small_system(tmp_path, FLAT)
     system.target.light[3, 4] = np.nan  # which no picture file can bring in
     with pytest.raises(NumericalError, match=r"the loss is not finite at level 0"):
         shape_lens(system, backend, ExactEngine(backend))
@@ -45,7 +45,7 @@ def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
 )
 def test_a_lens_that_lets_no_light_through_is_refused(tmp_path, backend, changes, words):
     with pytest.raises(UserError, match=words):
-        shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
+        shape_lens(small_system(tmp_path, changes), backend, ExactEngine(backend))
 
 
 @pytest.mark.parametrize(
@@ -85,10 +85,10 @@ def test_fronts_and_rears_of_different_size_design_too(tmp_path, backend, front,
         "lens.front.radius": radius,
         "lens.rear.freeform.max_level": 0,
     }
-    _, state = shape_lens(loaded(tmp_path, changes), backend, ExactEngine(backend))
+    _, state = shape_lens(small_system(tmp_path, changes), backend, ExactEngine(backend))
     assert min(r.loss for r in state.history) < state.history[0].loss
 
 
 def test_transmitted_flux_of_a_plate(tmp_path, backend):
-    system = loaded(tmp_path, {"lens.rear.radius": np.inf, "source.flux": 2.0})
+    system = small_system(tmp_path, {"lens.rear.radius": np.inf, "source.flux": 2.0})
     assert transmitted_flux(system, backend) == pytest.approx(2 * 0.96**2, rel=1e-12)

@@ -5,7 +5,7 @@ import pytest
 
 from optics.designing.optimisation import Mirrors, mirror_axes, stage_objective, stages
 from optics.light.engines import ExactEngine
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 
 GLOWING = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 2.0}
 CASES = {
@@ -22,7 +22,7 @@ CASES = {
 
 def evaluations(folder, backend, changes, axes=None):
     """Return (axes, Evaluations with one half and with all light, gradients averaged) at a symmetric lens."""
-    system = loaded(folder, changes | {"target.kind": "tophat"})
+    system = small_system(folder, changes | {"target.kind": "tophat"})
     stage = stages(system, False)[-1]
     sags = [sag.refine({0: sag.space.cells[:, 1:]}) for sag in system.lens.sags]
     lens = system.lens.with_sags(sags)

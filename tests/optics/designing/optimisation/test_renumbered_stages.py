@@ -4,11 +4,11 @@ import pytest
 
 from optics.designing.optimisation import Row, State, stages
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 
 
 def of_iterations(folder, count: int) -> OpticalSystem:
-    return loaded(folder, {"optimizer.iterations": [count], "optimizer.start": "transport"})
+    return small_system(folder, {"optimizer.iterations": [count], "optimizer.start": "transport"})
 
 
 def names(system: OpticalSystem, state: State) -> list[str]:

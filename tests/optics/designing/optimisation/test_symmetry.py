@@ -10,7 +10,7 @@ from optics.scene.problem import Problem
 from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem
 from tests.cases import slow_unless
-from tests.optics.cases import loaded, small_space
+from tests.optics.cases import small_space, small_system
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -200,7 +200,7 @@ def rows_by_name(rows, values):
 @pytest.mark.every(3)
 @pytest.mark.parametrize("source", slow_unless(("flat", "transport", "front free").count, SOURCES))
 def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_threads, source):
-    system = loaded(tmp_path, TOPHAT | SOURCES[source])
+    system = small_system(tmp_path, TOPHAT | SOURCES[source])
     lens, _ = shape_lens(system, two_threads, ExactEngine(two_threads))
     rear = lens.rear.sag.space
     assert len(rear.cells) < 20 << (2 * (rear.levels - 1))  # refined here and there
@@ -219,7 +219,7 @@ def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_thr
 def test_a_problem_symmetric_in_one_direction_keeps_that_one(tmp_path, two_threads):
     """A crescent is its own mirror image in x only."""
     changes = TOPHAT | {"target.shape": "crescent", "lens.rear.freeform.max_level": 1}
-    lens, _ = shape_lens(loaded(tmp_path, changes), two_threads, ExactEngine(two_threads))
+    lens, _ = shape_lens(small_system(tmp_path, changes), two_threads, ExactEngine(two_threads))
     sag = lens.rear.sag
     by_function = rows_by_name(sag.space.functions, sag.coefficients)
     across = [abs(by_function[n, (5 << n) + 2 - i, j] - v) for (n, i, j), v in by_function.items()]

@@ -12,7 +12,7 @@ from optics.light.analysis import measure
 from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem import FINEST_AUTO, Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 
 AUTOMATIC = {"lens.rear.freeform.max_level": AUTO, "lens.rear.freeform.z_freedom": 20.0}
 BASE = {"lens.rear.radius": AUTO, "lens.rear.conic": AUTO, "lens.rear.freeform.z_freedom": AUTO}
@@ -22,11 +22,11 @@ BOARD = (200 * ((np.indices((96, 96)) // 6).sum(axis=0) % 2) + 20).astype(np.uin
 
 def based(folder, backend, changes, image=WHITE):
     """Return the small problem with a base lens from the transport map."""
-    return resolved(solvable_system(loaded(folder, BASE | changes, image=image).problem), backend)[0]
+    return resolved(solvable_system(small_system(folder, BASE | changes, image=image).problem), backend)[0]
 
 
 def level_of(folder, backend, picture=None, changes=None):
-    system, start = resolved(loaded(folder, AUTOMATIC | (changes or {}), picture), backend)
+    system, start = resolved(small_system(folder, AUTOMATIC | (changes or {}), picture), backend)
     assert start is not None
     return system.problem.lens.rear.freeform.max_level
 
@@ -64,12 +64,12 @@ def test_even_light_takes_no_levels_for_texture(tmp_path, backend):
 
 
 def test_numbers_are_left_as_they_are(tmp_path, backend):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     assert resolved(system, backend) == (system, None)
 
 
 def test_the_choice_is_written_into_the_result_as_a_number(tmp_path, backend):
-    system, _ = resolved(loaded(tmp_path, AUTOMATIC), backend)
+    system, _ = resolved(small_system(tmp_path, AUTOMATIC), backend)
     (tmp_path / "again.toml").write_text(problem_to_toml(system.problem), "utf-8")
     level = load_problem(tmp_path / "again.toml").lens.rear.freeform.max_level
     assert type(level) is int
@@ -77,7 +77,7 @@ def test_the_choice_is_written_into_the_result_as_a_number(tmp_path, backend):
 
 
 def test_auto_survives_the_trip_through_toml(tmp_path):
-    system = loaded(tmp_path, AUTOMATIC)
+    system = small_system(tmp_path, AUTOMATIC)
     assert system.problem.lens.rear.freeform.finest == FINEST_AUTO
     (tmp_path / "again.toml").write_text(problem_to_toml(system.problem), "utf-8")
     assert load_problem(tmp_path / "again.toml") == system.problem
@@ -107,7 +107,7 @@ def test_the_base_leaves_the_map_within_reach_where_a_number_was_a_trap(tmp_path
     """A diverging base and a target smaller than the beam: z_freedom cuts off most of the map."""
     small = {"target.half_width": [5.0, 5.0], "lens.rear.freeform.z_freedom": 0.3}
     arriving = []
-    for system in (loaded(tmp_path, small), based(tmp_path, backend, small | BASE)):
+    for system in (small_system(tmp_path, small), based(tmp_path, backend, small | BASE)):
         start = TransportStart(system, backend)
         lens = system.lens.with_sags([start.fit(system.lens.sags[-1].space.uniform(1)).sag])
         arriving.append(measure(system, lens, backend).metrics["efficiency"])

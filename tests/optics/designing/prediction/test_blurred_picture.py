@@ -11,7 +11,7 @@ from optics.light.analysis import rel_l2
 from optics.light.blur import Blur, LandingShifts, aimed_light, blur_of
 from optics.scene.receivers import Screen
 from optics.scene.sources import Divergence
-from tests.optics.cases import WIDE, loaded
+from tests.optics.cases import WIDE, small_system
 
 
 @pytest.mark.parametrize("parts", [0.8, 2.0])
@@ -45,7 +45,7 @@ def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backen
         "target.half_width": [10.0, 10.0],
         "target.pixels": [128, 128],
     }
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     monkeypatch.setattr(Blur, "kernel", None)
     limits = blur_limits(system, system.lens, backend)
     assert limits.least is None
@@ -54,7 +54,7 @@ def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backen
 
 def test_in_the_far_field_the_blurred_picture_is_an_intensity(tmp_path, backend):
     """An intensity that is even within +-40 degrees, blurred by 4 as an irradiance."""
-    system = loaded(tmp_path, WIDE | {"source.divergence": 4.0})
+    system = small_system(tmp_path, WIDE | {"source.divergence": 4.0})
     limits = blur_limits(system, system.lens, backend)
     blur = blur_of(system, system.path(system.lens), backend)
     screen = system.target.screen()
@@ -73,7 +73,7 @@ def test_what_is_said_of_the_sun_and_of_a_wide_beam(tmp_path, backend):
     """0.53 degrees at 60 mm are 0.56 mm; a beam of 60 degrees is wider than the target."""
     for degrees, said in ((0.0, "the sun blurs 0.5[67] mm"), (30.0, "the spot is wider than the target")):
         changes = {"source.divergence_profile": "sun", "source.divergence": degrees, "source.distance": 3.0}
-        system = loaded(tmp_path, changes, name=f"{degrees}.toml")
+        system = small_system(tmp_path, changes, name=f"{degrees}.toml")
         limits = blur_limits(system, system.lens, backend)
         sentence = blur_sentence(system, limits)
         assert re.search(said, sentence)

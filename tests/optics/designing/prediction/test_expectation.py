@@ -18,7 +18,7 @@ from optics.scene.problem import Problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system, volume_of_made
 from tests.cases import ROOT
-from tests.optics.cases import example_system, landing_points, loaded, target_z, tracer_to
+from tests.optics.cases import example_system, landing_points, small_system, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import run
 from thbcad.meshes import to_trimesh
 
@@ -53,7 +53,7 @@ def test_a_stored_plate_took_the_time_that_is_predicted():
 
 def started(folder, backend, changes):
     """Return the system with the lens of its transport start, and what `sensitivity` says of it."""
-    system = loaded(folder, changes)
+    system = small_system(folder, changes)
     start = TransportStart(system, backend)
     lens = system.lens.with_sags([start.fit(system.lens.sags[-1].space.uniform(1)).sag])
     return system, lens, sensitivity(system, lens, backend)
@@ -95,7 +95,7 @@ def test_the_shift_by_decentre_is_that_of_traced_rays(tmp_path, backend):
 
 def test_a_ripple_turns_light_like_a_prism_of_its_slope(tmp_path, backend):
     """On a plane rear, which all light meets at right angles; on a bent one by about as much."""
-    plate = loaded(tmp_path, WIDE | {"lens.rear.radius": np.inf})
+    plate = small_system(tmp_path, WIDE | {"lens.rear.radius": np.inf})
     slope = np.arctan(2 * np.pi * 1e-3 / 3.0)
     prism = 60 * np.tan(np.arcsin(plate.lens.index * np.sin(slope)) - slope)
     assert sensitivity(plate, plate.lens, backend).ripple == pytest.approx(prism, rel=1e-4)
@@ -150,7 +150,7 @@ def test_the_sag_asked_for_is_that_of_every_fit(backend):
 
 def test_a_trap_is_told_before_the_design(tmp_path, backend):
     """A diverging base, a converging target, and too little z_freedom for it."""
-    system = loaded(tmp_path, {"target.half_width": [5.0, 5.0], "lens.rear.freeform.z_freedom": 0.3})
+    system = small_system(tmp_path, {"target.half_width": [5.0, 5.0], "lens.rear.freeform.z_freedom": 0.3})
     found, _ = expected(system, backend)
     assert found.efficiency < 0.5
     assert found.rel_l2 is None
@@ -199,7 +199,9 @@ def test_a_lens_is_turned_or_its_target_moved_until_the_rear_reflects_little(bac
 def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path, backend):
     """By 110 m of way it moves light by more than the hole is wide."""
     iris = {"name": "iris", "shape": "ellipse", "half_width": (10, 10), "position": (0, 0, 1.1e5)}
-    plate = loaded(tmp_path, WIDE | {"lens.rear.radius": np.inf, "target.distance": 1.2e5, "stop": [iris]})
+    plate = small_system(
+        tmp_path, WIDE | {"lens.rear.radius": np.inf, "target.distance": 1.2e5, "stop": [iris]}
+    )
     assert sensitivity(plate, plate.lens, backend).ripple == np.inf
 
 
@@ -232,7 +234,7 @@ def test_no_error_is_predicted_where_the_mesh_is_coarser_than_the_pixels(tmp_pat
     """A level more would be as fine as they are."""
     image = {"target.kind": "image", "target.pixels": [64, 64], "lens.rear.freeform.z_freedom": 5.0}
     coarse, fine = (
-        expected(loaded(tmp_path, image | {"lens.rear.freeform.max_level": level}), backend)[0]
+        expected(small_system(tmp_path, image | {"lens.rear.freeform.max_level": level}), backend)[0]
         for level in (1, 4)
     )
     assert coarse.net > COARSE * coarse.pixel

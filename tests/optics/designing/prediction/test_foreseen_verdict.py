@@ -10,7 +10,7 @@ from optics.designing.prediction import blur_limits, expectation_lines, expected
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
-from tests.optics.cases import example_system, loaded
+from tests.optics.cases import example_system, small_system
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
 
@@ -55,7 +55,7 @@ def test_bad_light_on_a_square_is_not_called_good():
 @pytest.mark.slow
 def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     """The blur alone keeps rel_l2 above the limit, whatever the lens."""
-    system = loaded(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, STROKES)
+    system = small_system(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, STROKES)
     limits = blur_limits(system, system.lens, backend)
     assert limits.least > 0.3
     sentences = foreseen(system, backend, limits)
@@ -84,7 +84,7 @@ def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
 def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothing(
     backend, tmp_path, changes
 ):
-    system = loaded(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, STROKES)
+    system = small_system(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, STROKES)
     found, _ = expected(system, backend)
     limits = blur_limits(system, system.lens, backend)
     assert limits.least > 0.1
@@ -99,21 +99,21 @@ def test_a_square_as_wide_as_the_blur_cannot_be_decided(backend, tmp_path):
         "target.distance": 400.0,
         "verify.lit_efficiency": 0.0,
     }
-    (said,) = foreseen(loaded(tmp_path, changes), backend)
+    (said,) = foreseen(small_system(tmp_path, changes), backend)
     assert said.startswith("the uniformity may stay undecided: of the base lens a margin of ")
 
 
 @pytest.mark.slow
 def test_light_that_does_not_reach_the_target_is_said(backend, tmp_path):
     narrow = {"source.kind": "point", "source.distance": 5.0, "source.half_angle": 80.0}
-    found = foreseen(loaded(tmp_path, narrow | {"lens.rear.freeform.z_freedom": 5.0}), backend)
+    found = foreseen(small_system(tmp_path, narrow | {"lens.rear.freeform.z_freedom": 5.0}), backend)
     assert any(said.endswith("verify.lit_efficiency asks for 50% on the lit region") for said in found)
 
 
 @pytest.mark.slow
 def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
     """40 mm aside, 40 mm behind the rear vertex at 6 mm."""
-    problem = loaded(tmp_path, {"target.half_width": [10.0, 10.0]}).problem
+    problem = small_system(tmp_path, {"target.half_width": [10.0, 10.0]}).problem
     aside = problem.with_(**{"target.distance": None, "target.position": (0.0, 40.0, 46.0)})
     found = foreseen(OpticalSystem(aside), backend)
     assert any("the target's middle lies 45 degrees off the axis: aim" in said for said in found)
@@ -146,11 +146,11 @@ BODY = {
     ids=["parting", "roundings"],
 )
 def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
-    system = loaded(tmp_path, BODY | keys)
+    system = small_system(tmp_path, BODY | keys)
     (said,) = (line for line in foreseen(system, backend) if "body" in line)
     assert said.startswith("the body of this design may fail as that of its start does: ")
     assert words in said
 
 
 def test_nothing_is_foretold_of_a_body_whose_start_has_it(backend, tmp_path):
-    assert not any("body" in line for line in foreseen(loaded(tmp_path, BODY), backend))
+    assert not any("body" in line for line in foreseen(small_system(tmp_path, BODY), backend))

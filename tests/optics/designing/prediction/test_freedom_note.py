@@ -11,7 +11,7 @@ from optics.designing.starts import STEEP, TransportStart
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.designing.optimisation.cases import designed
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -36,7 +36,7 @@ def followed(problem, note):
 @pytest.mark.parametrize("name", CASES)
 def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
     """Nor by the design, which then starts from the whole map."""
-    system = solvable_system(loaded(tmp_path, CASES[name] | {"optimizer.iterations": [1]}).problem)
+    system = solvable_system(small_system(tmp_path, CASES[name] | {"optimizer.iterations": [1]}).problem)
     asked, _ = expected(system, backend)
     assert not asked.from_transport
     problem, options = followed(system.problem, asked.note)
@@ -52,7 +52,7 @@ def test_who_follows_the_note_is_asked_for_no_more(tmp_path, backend, name):
 
 @pytest.mark.slow
 def test_a_thin_lens_is_proposed_thicker_with_the_freedom_that_it_then_needs(tmp_path, backend):
-    system = loaded(tmp_path, THIN)
+    system = small_system(tmp_path, THIN)
     note = expected(system, backend)[0].note
     assert "which would bring rear and front together: --set lens.thickness=" in note
     problem, _ = followed(system.problem, note)
@@ -63,7 +63,7 @@ def test_a_thin_lens_is_proposed_thicker_with_the_freedom_that_it_then_needs(tmp
 @pytest.mark.slow
 def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp_path, backend):
     """A geometry is, in which it loses no more than a tenth."""
-    system = loaded(tmp_path, WIDE)
+    system = small_system(tmp_path, WIDE)
     assert TransportStart(system, backend).lost(system) > STEEP
     found, _ = expected(system, backend)
     assert "but no z_freedom helps, since so steep a surface would lose" in found.note
@@ -77,7 +77,7 @@ def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp
 @pytest.mark.slow
 def test_the_design_says_what_check_says(tmp_path, backend):
     """Of a start whose coarse mesh alone is cut off, for which the design does without the map."""
-    system = loaded(tmp_path, POINT | {"optimizer.iterations": [1], "lens.rear.freeform.max_level": 3})
+    system = small_system(tmp_path, POINT | {"optimizer.iterations": [1], "lens.rear.freeform.max_level": 3})
     start = TransportStart(system, backend)
     fine = start.fit(system.lens.sags[-1].space.uniform(system.freeforms[-1].finest))
     assert start.traced.asked > fine.asked

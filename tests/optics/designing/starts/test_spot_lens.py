@@ -4,7 +4,7 @@ import pytest
 
 from optics.designing.starts import TransportStart, spot_lens
 from optics.light.blur import blur_of
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 
 SUN = {"target.kind": "tophat", "target.pixels": [32, 32], "source.divergence": 0.5}
 WALL = SUN | {
@@ -20,9 +20,9 @@ WALL = SUN | {
 @pytest.mark.slow
 def test_on_a_wall_it_is_a_coarse_start_and_across_the_axis_the_base_lens(backend, tmp_path):
     """A wall that the base lens meets far behind is blurred twice as wide there, and more."""
-    across = loaded(tmp_path, SUN)
+    across = small_system(tmp_path, SUN)
     assert spot_lens(across, backend) is across.lens
-    wall = loaded(tmp_path, WALL)
+    wall = small_system(tmp_path, WALL)
     start = TransportStart(wall.sharp, backend)
     designed = wall.lens.with_sags([start.fit(wall.lens.sags[-1].space.uniform(2)).sag])
     widths = [

@@ -8,11 +8,11 @@ from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from tests.optics.cases import (
     coefficients,
-    loaded,
     mesh,
     picture,
     rough,
     small_space,
+    small_system,
     target_z,
     traced,
     tracer_to,
@@ -27,7 +27,7 @@ WHITE = np.full((48, 48), 255, dtype=np.uint8)
 
 def started(folder, backend, changes=None, image=None, spans=16):
     """Return (sag, traced rays) of the transport start on one level of `spans` spans."""
-    system = loaded(folder, changes, image)
+    system = small_system(folder, changes, image)
     lens, source, target = fitted(system, backend, spans), system.problem.source, system.problem.target
     beam = [min(s, h) for s, h in zip(source.half_width, lens.rear.half_width)]
     return lens.rear.sag, traced(backend, lens, beam, (61, 59), target_z(system.problem), target.half_width)
@@ -63,7 +63,7 @@ def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
 @pytest.mark.parametrize("beam", [9.5, 6.0])
 def test_cells_of_the_rim_beside_the_light_are_refined_with_their_neighbours(tmp_path, backend, beam):
     """Those that begin within 1.5 spans of the light, where a function may still meet it, and no others."""
-    system = loaded(tmp_path, {"source.half_width": [beam, beam]})
+    system = small_system(tmp_path, {"source.half_width": [beam, beam]})
     (sag,), start = system.lens.sags, TransportStart(system, backend)
     sag = sag.uniform(3)
     spans, half = 8 * sag.space.kv_u.spans, system.lens.rear.half_width[0]
@@ -104,7 +104,7 @@ def test_light_that_is_not_even_is_spread_evenly(tmp_path, backend, kind, pixels
         "target.fit": "stretch",
     }
     changes |= {"source.image": "glow.png", "lens.rear.freeform.z_freedom": 5.0}
-    system = loaded(tmp_path, changes, WHITE)
+    system = small_system(tmp_path, changes, WHITE)
     lens, rays = fitted(system, backend), system.source.rays((121, 119))
     tracer = tracer_to(backend, lens, rays, target_z(system.problem))
     _, landing = tracer.trace(coefficients(lens))
@@ -164,7 +164,7 @@ def test_light_sent_far_aside_lands_in_its_place(tmp_path, backend, monkeypatch)
         "target.pixels": [64, 64],
         "lens.rear.freeform.z_freedom": 20.0,
     }
-    system = loaded(tmp_path, changes, image)
+    system = small_system(tmp_path, changes, image)
 
     def error():
         return measure(system, fitted(system, backend, 64), backend).metrics["rel_l2"]

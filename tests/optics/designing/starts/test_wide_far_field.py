@@ -5,7 +5,7 @@ import pytest
 
 from optics.designing.starts import TransportStart
 from optics.light.analysis import cell_irradiance, rel_l2
-from tests.optics.cases import WIDE, loaded
+from tests.optics.cases import WIDE, small_system
 
 BORDER = 4  # pixels, where jumps of the light are as sharp as cells
 
@@ -14,7 +14,7 @@ def started(folder, changes):
     """Return the small system with a far field of 35 degrees and a flat rear as base."""
     flat = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "lens.rear.freeform.z_freedom": 20.0}
     far = {"target.half_width": [35.0, 35.0], "target.pixels": [48, 48]}
-    return loaded(folder, WIDE | flat | far | changes)
+    return small_system(folder, WIDE | flat | far | changes)
 
 
 def fitted(system, backend):

@@ -8,7 +8,7 @@ import pytest
 from optics.exchange.assemblies import export_scene, scene_checks, scene_text_check
 from optics.exchange.verification import StepFile, other_part_checks
 from optics.scene.system import OpticalSystem, other_parts, scene_parts
-from tests.optics.cases import failing, loaded
+from tests.optics.cases import failing, small_system
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.cad.exchange import read_scene, step_bytes
 
@@ -96,7 +96,7 @@ def test_a_fixed_element_whose_file_names_another_glass_is_told(row, tmp_path):
 @pytest.mark.parametrize("rows", [1, 2])
 def test_every_lens_of_a_plate_has_its_source_before_it(tmp_path, rows):
     plate = {"lens.array.columns": 3, "lens.array.rows": rows, "lens.array.pitch": 25.0}
-    system = loaded(tmp_path, plate | {"lens.thickness": 8.0})
+    system = small_system(tmp_path, plate | {"lens.thickness": 8.0})
     path = tmp_path / "staged.step"
     assert failing(export_scene(system, system.lens, path, staged=True)) == []
     *parts, screen = read_scene(path)

@@ -17,7 +17,7 @@ from optics.exchange.cross_checks.light_sums import Distances
 from optics.exchange.verification import StepFile
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import failing, loaded
+from tests.optics.cases import failing, small_system
 from tests.optics.exchange.verification.cases import FAR, FREE_FRONT, LAMBERTIAN, POINT, shaped
 from thbcad import write_step
 from thbcad.lens import FreeformSurface, Lens, placed_surfaces
@@ -107,7 +107,7 @@ def wrong_files(lens):
 )
 def test_a_wrong_file_is_noticed(tmp_path, backend, tracer, wrong):
     """A plano-paraboloid with a radius or an index that is 1 % off, or turned around."""
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     found = compared(tmp_path, system, system.lens, wrong_files(system.lens)[wrong], tracer, backend)
     assert {"landing points, root mean square", "irradiance, relative"} <= set(failed(found, system))
     assert ("flux with another fate, relative" in failed(found, system)) == (wrong == "turned")
@@ -115,7 +115,7 @@ def test_a_wrong_file_is_noticed(tmp_path, backend, tracer, wrong):
 
 def test_other_light_is_noticed_by_counting_alone(tmp_path, backend, monkeypatch):
     """The z-score compares with cells, and knows nothing of the same rays."""
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     monkeypatch.setitem(RAYS, "mitsuba", 300_000)
     found = compared(tmp_path, system, system.lens, wrong_files(system.lens)["turned"], "mitsuba", backend)
     assert found.z > 20
@@ -184,7 +184,7 @@ def test_the_z_score_grows_with_a_difference():
 
 
 def test_pixels_are_merged_until_the_rays_suffice(tmp_path):
-    system = loaded(tmp_path, {"target.pixels": [48, 24]})
+    system = small_system(tmp_path, {"target.pixels": [48, 24]})
     assert module.merged(system, 400 * 12 * 6).pixels == (12, 6)
     assert module.merged(system, 1e9).pixels == (48, 24)
     assert module.merged(system, 0).pixels == (1, 1)

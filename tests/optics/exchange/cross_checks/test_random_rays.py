@@ -6,7 +6,7 @@ import pytest
 from optics.exchange.cross_checks.random_rays import random_rays
 from optics.scene.luminaires import write_ies
 from optics.scene.sources import Rays, single_rays
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.scene.luminaires.cases import asymmetric
 
 POINT = {"source.kind": "point", "source.half_angle": 75.0, "source.distance": 4.0}
@@ -51,7 +51,7 @@ def moments(rays):
 def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
     """Means of n independent rays are off by a standard deviation / sqrt(n); five of these are allowed."""
     write_ies(asymmetric(), tmp_path / "lamp.ies")
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     parts = list(random_rays(system.source, -5.0, COUNT, 1, 5000))
     drawn = Rays(
         *(np.concatenate([getattr(p, k) for p in parts], axis=-1) for k in ("origin", "direction", "flux"))
@@ -67,12 +67,12 @@ def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
 
 
 def test_fewer_rays_than_sources_are_drawn_too(tmp_path):
-    source = loaded(tmp_path, SOURCES["three areas"]).source
+    source = small_system(tmp_path, SOURCES["three areas"]).source
     assert [part.flux.size for part in random_rays(source, -5.0, 3, 1, 2)] == [2, 1]
 
 
 def test_the_same_seed_draws_the_same_rays_and_another_one_others(tmp_path):
-    source = loaded(tmp_path).source
+    source = small_system(tmp_path).source
     one, same, other = (next(random_rays(source, -5.0, 100, seed, 100)).origin for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert (one[:2] != other[:2]).all()

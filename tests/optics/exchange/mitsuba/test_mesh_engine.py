@@ -14,7 +14,7 @@ from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
@@ -43,7 +43,7 @@ def coarse(mi, monkeypatch):
 
 def models(folder, backend, changes, window, axes):
     """Return the exact model, that of the mesh, the lens and the numbers of pixels with margin."""
-    system = loaded(folder, changes)
+    system = small_system(folder, changes)
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window, axes)
@@ -102,7 +102,7 @@ def test_a_light_keeps_its_derivatives_when_the_mesh_moves_on(tmp_path, backend)
 
 
 def test_vertices_follow_the_levels_spans(tmp_path):
-    lens = loaded(tmp_path).lens
+    lens = small_system(tmp_path).lens
     fine = lens.with_sags([sag.refine({0: [(0, 0)]}) for sag in lens.sags])
     for case, spans in ((lens, 4), (fine, 8)):
         mesh = engines.lens_mesh(case)

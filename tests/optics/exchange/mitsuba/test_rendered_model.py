@@ -12,7 +12,7 @@ from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 pytestmark = pytest.mark.usefixtures("mi")
@@ -27,7 +27,7 @@ CASES = {
 
 def models(folder, backend, changes, window, axes):
     """Return the exact model, the rendered one, the coefficients, and weights of pixels and lost light."""
-    system = loaded(folder, changes)
+    system = small_system(folder, changes)
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.3, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window, axes)

@@ -5,7 +5,7 @@ import pytest
 
 from optics.exchange.packs.expected import light_quantities, ray_files, ray_table
 from optics.light.analysis import fresh_light, measure
-from tests.optics.cases import HOLLOW, WIDE, hollow_lens, loaded, small_lens
+from tests.optics.cases import HOLLOW, WIDE, hollow_lens, small_lens, small_system
 
 EMITTER = HOLLOW | {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 2.0}
 LUMENS = EMITTER | {"source.unit": "lm", "source.flux": 50.0, "target.half_width": [2000.0, 1500.0]}
@@ -22,7 +22,7 @@ def test_rays_make_nearly_the_light_of_the_lens(
     """Up to the noise of 147 rays a pixel or more, five standard deviations of the peak's."""
     monkeypatch.setattr("optics.exchange.packs.expected.MANY", (512, 512))
     monkeypatch.setattr("optics.exchange.packs.expected.LISTED", (8, 8))
-    system = loaded(tmp_path, changes | {"target.pixels": [24, 24]})
+    system = small_system(tmp_path, changes | {"target.pixels": [24, 24]})
     found = measure(system, lens, backend)
     files, rays = ray_files(system, lens, ".tm25ray")
     assert list(files) == ["rays_source.tm25ray", "rays_behind.tm25ray"]

@@ -9,7 +9,7 @@ from optics.base.runtime import UserError
 from optics.exchange.results.checkpoint import checkpoint_owner, read_checkpoint, write_checkpoint
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import loaded, picture, write_problem
+from tests.optics.cases import picture, small_system, write_problem
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
 
 FREE_FRONT = {"lens.front.freeform.spans": [4, 4], "lens.front.freeform.max_level": 2}
@@ -97,7 +97,7 @@ def test_the_place_of_the_sources_picture_may_change_between_runs(path, problem_
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     write_glow(elsewhere)
-    moved = loaded(elsewhere, GLOW)
+    moved = small_system(elsewhere, GLOW)
     assert read_checkpoint(path, moved)[0].stage == 1
 
 

@@ -14,7 +14,7 @@ from optics.exchange.verification import (
 )
 from optics.exchange.verification.independent_checks import text_checks
 from optics.scene.system import OpticalSystem, designed_part
-from tests.optics.cases import failing, loaded, rough
+from tests.optics.cases import failing, rough, small_system
 from thbcad.surfaces import THBSurface
 
 DRAFT = {"lens.body.draft": 2.0}
@@ -44,7 +44,7 @@ def made(tmp_path):
     """Return system, lens and STEP file of a problem, its rear rough."""
 
     def exported(keys):
-        system = loaded(tmp_path, keys)
+        system = small_system(tmp_path, keys)
         space = system.lens.rear.sag.space
         lens = system.lens.with_sags([THBSurface(space, rough(space, 0.02))])
         assert failing(export_step(designed_part(system, lens), "AP242", tmp_path / "lens.step")) == []

@@ -21,7 +21,7 @@ from thbcad.lens import placed_surfaces
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface
 
-# found, not loaded: that takes a second in every process that collects this file
+# found, not small_system: that takes a second in every process that collects this file
 pytestmark = pytest.mark.skipif(find_spec("optiland") is None, reason="optiland is not installed")
 
 FATE = "rays with another fate by optiland's trace of the file"

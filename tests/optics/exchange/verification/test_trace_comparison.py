@@ -14,7 +14,7 @@ from optics.light.tracing import Tracer
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 from thbcad.cad import write_step
 from thbcad.lens import placed_surfaces
 from thbcad.surfaces import THBSurface
@@ -49,7 +49,7 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
 
 
 def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backend):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     faces = faces_of(system)
 
     def losing(rays):

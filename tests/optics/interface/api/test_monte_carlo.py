@@ -25,7 +25,7 @@ from optics.tolerancing.monte_carlo_samples import (
 )
 from optics.tolerancing.perturbations import tolerance_budget, tolerances_of
 from tests.cases import EXAMPLES
-from tests.optics.cases import loaded, rough, write_problem
+from tests.optics.cases import rough, small_system, write_problem
 from thbcad.surfaces import THBSurface
 
 AMOUNTS = {"lens.decentre_x": 0.3, "index": 2e-3}
@@ -35,7 +35,7 @@ AMOUNTS = {"lens.decentre_x": 0.3, "index": 2e-3}
 def made(tmp_path_factory, backend):
     """A Monte Carlo whose numbers are made up, of a real lens."""
     folder = tmp_path_factory.mktemp("made")
-    system = loaded(folder, {"target.pixels": [16, 16]})
+    system = small_system(folder, {"target.pixels": [16, 16]})
     (sag,) = system.lens.sags
     lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)

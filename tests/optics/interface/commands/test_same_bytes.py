@@ -11,7 +11,7 @@ from tests.cases import ROOT
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import FIGURES, QUICK, content
 
-# a module of this name is loaded at the start of every Python process that finds it
+# a module of this name is small_system at the start of every Python process that finds it
 LANGUAGE = "import locale; locale.setlocale(locale.LC_ALL, '')\n"
 SURROUNDINGS = ["language", "time zone", "folder", "optimised"]
 

@@ -14,11 +14,8 @@ from optics.light.analysis.closed_lens_light import (
 )
 from optics.light.analysis.metrics import measure
 from optics.light.tracing import TargetArea, trace_nonsequential
-from optics.scene.problem import load_problem
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
-from tests.cases import EXAMPLES
-from tests.optics.cases import DOME, roughened, small_system
+from tests.optics.cases import DOME, example_system, roughened, small_system
 
 STRONG = DOME | {"source.flux": 3.0, "target.pixels": [10, 8]}
 POINT = {"source.kind": "point", "source.half_angle": 85.0, "source.exponent": 1.0}
@@ -181,7 +178,7 @@ def test_what_the_walls_send_beside_the_target_is_stray(backend):
     thick = {"lens.thickness": 25.0, "lens.rear.radius": -60.0, "lens.rear.conic": -1.0}
     wide = {"source.half_angle": 70.0, "target.half_width": (400.0, 400.0), "target.pixels": (16, 16)}
     free = {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 1.0}
-    system = OpticalSystem(load_problem(EXAMPLES / "spot.toml", thick | wide | free))
+    system = example_system("spot", thick | wide | free)
     metrics = measure(system, system.lens, backend).metrics
     fates, flux = metrics["nonsequential"]["fates_w"], system.problem.flux
     assert metrics["paths"] == "sequential"

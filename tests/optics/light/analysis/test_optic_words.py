@@ -4,11 +4,8 @@ import pytest
 
 from optics.light.analysis import passing_share, passing_words
 from optics.scene.paths import AIR, LightPath, Surface
-from optics.scene.problem import load_problem
 from optics.scene.receivers import receiver_at
-from optics.scene.system import OpticalSystem
-from tests.cases import EXAMPLES
-from tests.optics.cases import small_system
+from tests.optics.cases import example_system, small_system
 from thbcad.lens import FreeformSurface
 
 
@@ -42,5 +39,5 @@ def test_two_mirrors_are_no_lens():
     ],
 )
 def test_a_row_passes_what_all_its_faces_do(example, words):
-    system = OpticalSystem(load_problem(EXAMPLES / f"{example}.toml"))
+    system = example_system(example)
     assert passing_words(passing_share(system.path(system.lens))) == words

@@ -7,7 +7,7 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import AIR, LightPath, Medium, Surface
 from optics.scene.receivers import FarField, Plane, receiver_at
 from optics.scene.sources import point_rays
-from tests.optics.cases import TARGET_Z, loaded, small_lens, target_z
+from tests.optics.cases import TARGET_Z, small_lens, small_system, target_z
 from thbcad import Conic, Pose
 
 LENS = small_lens(Conic(60.0))
@@ -115,7 +115,7 @@ def test_a_path_that_is_none_is_refused():
 
 
 def test_the_path_of_a_system_absorbs_what_its_lens_does(tmp_path):
-    system = loaded(tmp_path, {"lens.absorption": 0.02})
+    system = small_system(tmp_path, {"lens.absorption": 0.02})
     path = system.path(system.lens)
     assert [medium.absorption for medium in path.media] == [0.0, 0.02, 0.0]
     assert [medium.index for medium in path.media] == [1.0, system.lens.index, 1.0]

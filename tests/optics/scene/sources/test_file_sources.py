@@ -10,7 +10,7 @@ from optics.light.analysis import sequential
 from optics.scene.sources import FileSource, PointSource, Rays
 from optics.scene.system import advice
 from optics.tolerancing.perturbations import tolerances_of
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +31,7 @@ def test_a_source_of_a_new_kind_is_all_that_its_class_says(tmp_path):
     """Traced, judged and held against tolerances without a word about it elsewhere."""
     place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
     torch = Torch(flux=2.0, distance=20.0, file="none", **place)
-    system = loaded(tmp_path, {"lens.front.radius": 100.0})
+    system = small_system(tmp_path, {"lens.front.radius": 100.0})
     system.__dict__["sources"] = (torch,)
     image, fates, _ = sequential(system, system.lens, load_backend("double"), 17)
     assert fates.total == pytest.approx(2.0, rel=1e-12)

@@ -5,17 +5,17 @@ import pickle
 import numpy as np
 import pytest
 
-from tests.optics.cases import loaded, on_threads
+from tests.optics.cases import on_threads, small_system
 
 
 def system_on(threads, folder):
-    return loaded(folder, {"run.threads": threads})
+    return small_system(folder, {"run.threads": threads})
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_it_is_of_double_precision(tmp_path, precision):
     """The problem's precision is that of the design alone."""
-    system = loaded(tmp_path, {"run.precision": precision})
+    system = small_system(tmp_path, {"run.precision": precision})
     assert system.backend.dtype is np.float64
 
 

@@ -12,7 +12,7 @@ from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.system import can_be_lit, nearest_geometry, solvable_system
 from optics.scene.system.soundness import CONIC_SLOPE, advice
-from tests.optics.cases import loaded, write_problem
+from tests.optics.cases import small_system, write_problem
 from tests.optics.scene.problem.cases import MIRROR, load_text, refusal
 
 # ---- advice ----
@@ -163,7 +163,7 @@ def test_the_nearest_distance_is_the_least_that_serves(tmp_path):
 def test_a_target_is_turned_no_farther_than_it_must(tmp_path):
     """A small target with its back to the lens, on the axis: 75 degrees of incidence and no step more."""
     changes = OF_LENS["turned away"] | {"target.half_width": [0.5, 0.5]}
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     (tilt,) = (c["target.tilt"] for o in nearest_geometry(system, can_be_lit) for c in options(o))
     turned = system.elsewhere(system.problem.with_(**{"target.tilt": tilt})).target.receiver.pose
     assert 75 - 180 / 64 < np.degrees(np.arccos(turned.rotation[2, 2])) < 75
@@ -172,13 +172,15 @@ def test_a_target_is_turned_no_farther_than_it_must(tmp_path):
 def test_a_smaller_target_is_proposed_only_where_no_other_place_serves(tmp_path):
     ball = load_problem(write_problem(tmp_path, OF_LENS["ball"]))
     assert [*options(refusal(solvable_system, ball))[0]] == ["target.half_width"]
-    system = loaded(tmp_path, {})
+    system = small_system(tmp_path, {})
     assert nearest_geometry(system, lambda other: False) == []
 
 
 def test_traces_may_be_apart_by_roundings_of_the_way_to_a_far_target(tmp_path):
     """10 km away the last digit of a landing point is 2e-9 mm."""
-    near, far = (loaded(tmp_path, {"target.distance": distance}).traced_within for distance in (300.0, 1e7))
+    near, far = (
+        small_system(tmp_path, {"target.distance": distance}).traced_within for distance in (300.0, 1e7)
+    )
     assert near.landing == 1e-8
     assert 1e-7 < far.landing < 1e-6
     assert far.irradiance == near.irradiance

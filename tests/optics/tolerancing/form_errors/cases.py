@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 PLATE = {
@@ -19,7 +19,7 @@ COUNTS = (160, 160)
 def system_and_lens(folder, changes=None, bumps=0.0):
     """Return the system of the small problem with changes, and its lens with bumps on the sag, mm."""
     drop = ("source.half_width",) if changes and changes.get("source.kind") == "point" else ()
-    system = loaded(folder, changes, drop=drop)
+    system = small_system(folder, changes, drop=drop)
     lens = system.lens
     if bumps:
         (sag,) = lens.sags

@@ -11,7 +11,7 @@ from optics.tolerancing.machining import (
     light_with_cusps,
     traced_points,
 )
-from tests.optics.cases import WIDE, loaded, small_lens
+from tests.optics.cases import WIDE, small_lens, small_system
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
 from thbcad.tools import air_side, ball_cusps
@@ -21,7 +21,7 @@ LENGTH = 60.0  # mm, from the rear's vertex to its target
 
 
 def system_of(folder, changes=None):
-    return loaded(folder, changes)
+    return small_system(folder, changes)
 
 
 def blur_of(system, lens, backend, order, name="rear", rays=9):

@@ -8,7 +8,7 @@ import pytest
 from optics import UserError
 from optics.light.blur import spot_width
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
-from tests.optics.cases import example_system, loaded, small_lens
+from tests.optics.cases import example_system, small_lens, small_system
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
 from thbcad.tools import air_side, ball_cusps, ball_fit
@@ -16,7 +16,7 @@ from thbcad.tools import air_side, ball_cusps, ball_fit
 
 @pytest.fixture
 def found(tmp_path, backend):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
 
     def of(order, lens=None):
         return tool_findings(system, lens or bowl_lens(), order, backend, rays=17)
@@ -103,7 +103,7 @@ NARROW = {"source.half_width": [5.0, 5.0]}
 
 def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
     """Against the closed form of both: a beam over the middle half of a bowl, whose rim is steep."""
-    system = loaded(tmp_path, NARROW)
+    system = small_system(tmp_path, NARROW)
     lens = small_lens(rear=Conic(-25.0, -1.0))
     found = tool_findings(system, lens, ToolOrder(ball=3.0, step=0.05), backend, rays=65)
     (surface,), graph = found.surfaces, air_side(lens, "rear")
@@ -157,7 +157,7 @@ LAMP = {"source.kind": "lambertian", "source.half_width": [0.6, 0.6], "source.di
 @pytest.mark.parametrize("changes", [SUN, LAMP], ids=["sun", "lamp"])
 def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, changes):
     """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
     lens = small_lens(rear=Conic())
     wide = spot_width(system, lens, backend)
     # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
@@ -181,7 +181,7 @@ def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, chan
 def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
     tmp_path, backend, changes, times, why
 ):
-    system = loaded(tmp_path, changes)
+    system = small_system(tmp_path, changes)
 
     def of(step):
         return tool_findings(system, bowl_lens(), ToolOrder(ball=5.0, step=step), backend, rays=33)
@@ -231,7 +231,7 @@ PLATE = {"lens.array.columns": 2, "lens.array.rows": 3, "lens.array.pitch": 25.0
 
 
 def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
-    system = loaded(tmp_path, PLATE)
+    system = small_system(tmp_path, PLATE)
     findings = tool_findings(system, system.lens, ToolOrder(), backend)
     lines = tool_lines(findings)
     assert lines[0].startswith("this holds for each of the 6 lenses of the plate by itself")

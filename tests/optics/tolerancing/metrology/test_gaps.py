@@ -19,7 +19,7 @@ from optics.tolerancing.metrology import (
 from optics.tolerancing.metrology.alignment import by_datums
 from optics.tolerancing.metrology.corrected_surface import made_surface, measured_light
 from tests.cases import examples
-from tests.optics.cases import loaded
+from tests.optics.cases import small_system
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, everywhere, freeform, ripple, scattered
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
@@ -79,7 +79,7 @@ def test_a_hole_is_seen_wherever_light_crosses_it() -> None:
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
-    return loaded(tmp_path_factory.mktemp("problem"))
+    return small_system(tmp_path_factory.mktemp("problem"))
 
 
 def measured(surface, count=6000, part=1.0, errors=ripple):

@@ -25,7 +25,7 @@ from optics.tolerancing.metrology.as_built_light import with_surface
 from optics.tolerancing.metrology.as_built_text import LIKE
 from optics.tolerancing.metrology.rigid_corrections import rigid_correction
 from optics.tolerancing.perturbations import Perturbation, PerturbedLight
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from tests.optics.tolerancing.metrology.cases import freeform, ripple, scattered
 from thbcad.fitting import quasi_interpolate
 from thbcad.hierarchy import THBSpace
@@ -99,7 +99,7 @@ def test_noise_is_carried_both_ways() -> None:
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
-    return loaded(tmp_path_factory.mktemp("problem"))
+    return small_system(tmp_path_factory.mktemp("problem"))
 
 
 @pytest.mark.slow  # 20 traces each

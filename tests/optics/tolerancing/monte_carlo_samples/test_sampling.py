@@ -14,7 +14,7 @@ from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormToleran
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
 from optics.tolerancing.monte_carlo_samples.sampling import FIELDS
 from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 AMOUNTS = {"lens.decentre": 0.2, "index": 1e-3}
@@ -37,7 +37,7 @@ class Here:
 
 
 def model_of(folder, forms=(RIPPLES,)):
-    system = loaded(folder, {"target.pixels": [24, 24]})
+    system = small_system(folder, {"target.pixels": [24, 24]})
     (sag,) = system.lens.sags
     lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)
@@ -182,13 +182,13 @@ def test_other_numbers_of_samples_are_refused(samples):
     [("side", 1e-5, "front"), ("rear", -1.0, "rms"), ("rear", np.nan, "rms"), ("rear", "much", "rms")],
 )
 def test_bad_forms_are_refused(tmp_path, surface, rms, words):
-    system = loaded(tmp_path)
+    system = small_system(tmp_path)
     with pytest.raises(UserError, match=words):
         FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.lens, 0)
 
 
 def test_a_form_lies_on_its_surface_alone(tmp_path):
-    system = loaded(tmp_path, {"lens.front.half_width": [6.0, 4.0]})
+    system = small_system(tmp_path, {"lens.front.half_width": [6.0, 4.0]})
     drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.lens, 3)
     assert drawn.rear_error is None
     x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))

@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
-from tests.optics.cases import loaded, rough
+from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
 
@@ -36,16 +36,16 @@ class Bowl:
         return self.curvature * np.stack([(x**2 + y**2) / 2, x, y])
 
 
-def small_system(folder, changes=None, height=0.02):
+def rough_system(folder, changes=None, height=0.02):
     """Return (system, lens) of the small problem with a rough rear."""
-    system = loaded(folder, changes)
+    system = small_system(folder, changes)
     sags = [THBSurface(s.space, rough(s.space, height)) for s in system.lens.sags]
     return system, system.lens.with_sags(sags)
 
 
 def small_light(folder, backend, changes=None, height=0.02, per_pixel=None):
     """Return the PerturbedLight of the small problem with a rough rear."""
-    return PerturbedLight(*small_system(folder, changes, height), backend, per_pixel)
+    return PerturbedLight(*rough_system(folder, changes, height), backend, per_pixel)
 
 
 def from_source(p, origin, direction, source_z):

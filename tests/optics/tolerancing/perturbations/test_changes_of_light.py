@@ -17,7 +17,7 @@ from optics.tolerancing.perturbations import (
 )
 from optics.tolerancing.perturbations.light_limits import LightNumbers, missed, parts_taken
 from tests.optics.cases import FREE_REAR, FRONT, write_problem
-from tests.optics.tolerancing.perturbations.cases import few, small_light, small_system
+from tests.optics.tolerancing.perturbations.cases import few, rough_system, small_light
 
 MOVING = [  # tolerances that move round light in proportion to their amount
     "lens.decentre_x",
@@ -85,7 +85,7 @@ def test_light_that_a_rim_cuts_has_no_derivative(tmp_path, backend):
 
 @pytest.fixture(scope="module")
 def budget(tmp_path_factory, backend):
-    system, lens = small_system(tmp_path_factory.mktemp("budget"))
+    system, lens = rough_system(tmp_path_factory.mktemp("budget"))
     target = system.target.irradiance(system.target.screen(), 1.0)
     amounts = few(system, index=0.003, **{"lens.decentre_x": 0.1})
     return system, lens, target, tolerance_budget(system, lens, target, backend, amounts, limits=0.002)
@@ -116,7 +116,7 @@ def test_at_the_amount_that_is_allowed_rel_l2_rises_by_the_limit(budget, backend
 
 def test_an_error_that_leaves_the_lit_region_dark_has_a_uniformity_of_0(tmp_path, backend):
     keys = {"target.kind": "tophat", "target.lit": [0.2, 0.2], "target.half_width": [40.0, 40.0]}
-    system, lens = small_system(tmp_path, keys, 0.0)
+    system, lens = rough_system(tmp_path, keys, 0.0)
     target = system.target.irradiance(system.target.screen(), 1.0)
     amounts = few(system, **{"target.decentre_x": 22.0})
     (effect,) = tolerance_budget(system, lens, target, backend, amounts).effects
@@ -151,7 +151,7 @@ def test_an_amount_that_puts_out_the_light_is_no_free_one(budget, backend):
     ],
 )
 def test_what_no_lens_can_be_is_one_sentence(tmp_path, backend, name, amount, words):
-    system, lens = small_system(tmp_path)
+    system, lens = rough_system(tmp_path)
     with pytest.raises(UserError, match=words):
         tolerance_budget(system, lens, np.ones((48, 48)), backend, few(system, **{name: amount}))
 
@@ -165,7 +165,7 @@ def test_the_shop_is_told_amounts_with_units(budget):
 
 
 def test_an_extended_source_has_a_budget(tmp_path, backend):
-    system, lens = small_system(tmp_path, LAMP)
+    system, lens = rough_system(tmp_path, LAMP)
     target = system.target.irradiance(system.target.screen(), 1.0)
     amounts = few(system, **{"source.decentre_x": 0.5, "source.size": 20.0})
     found = tolerance_budget(system, lens, target, backend, amounts)
@@ -175,7 +175,7 @@ def test_an_extended_source_has_a_budget(tmp_path, backend):
 
 
 def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
-    system, _ = small_system(tmp_path, {"target.distance": float("inf"), "target.half_width": [15.0, 15.0]})
+    system, _ = rough_system(tmp_path, {"target.distance": float("inf"), "target.half_width": [15.0, 15.0]})
     names = [t.name for t in tolerances_of(system)]
     assert "target.tilt_x" in names
     assert "target.decentre_x" not in names
@@ -189,7 +189,7 @@ def test_the_far_field_has_tolerances_without_places(tmp_path, backend):
 
 def test_a_target_that_follows_the_light_goes_back_where_it_alone_was_moved(tmp_path, backend):
     """Along its own axes, which are those of a tilted target."""
-    system, lens = small_system(tmp_path, {"target.tilt": [30.0, -20.0, 40.0]})
+    system, lens = rough_system(tmp_path, {"target.tilt": [30.0, -20.0, 40.0]})
     light = PerturbedLight(system, lens, backend, floats=True)
     moved = Perturbation(target_shift=(0.3, -0.2, 0.0))
     assert light.aimed(moved).target_shift == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
@@ -213,7 +213,7 @@ def test_a_target_that_follows_the_light_goes_back_where_it_alone_was_moved(tmp_
     ],
 )
 def test_bad_amounts_are_one_sentence(tmp_path, amounts, words):
-    system, _ = small_system(tmp_path)
+    system, _ = rough_system(tmp_path)
     with pytest.raises(UserError, match=words) as error:
         tolerances_of(system, amounts)
     assert "\n" not in str(error.value)
@@ -221,7 +221,7 @@ def test_bad_amounts_are_one_sentence(tmp_path, amounts, words):
 
 @pytest.mark.parametrize("kind", [np.float32, np.int64, np.float64, int])
 def test_amounts_are_numbers_of_any_kind(tmp_path, kind):
-    system, _ = small_system(tmp_path)
+    system, _ = rough_system(tmp_path)
     (row, *_) = tolerances_of(system, {"target.defocus": kind(2)})
     assert row == tolerances_of(system, {"target.defocus": 2.0})[0]
 
@@ -242,7 +242,7 @@ def test_a_front_is_askew_in_the_ways_that_move_it(tmp_path, changes, names):
 
 
 def test_a_name_without_an_axis_stands_for_all_axes(tmp_path):
-    system, _ = small_system(tmp_path)
+    system, _ = rough_system(tmp_path)
     amounts = {t.name: t.amount for t in tolerances_of(system, {"lens.tilt": 0.7, "temperature": 0})}
     assert [amounts[f"lens.tilt_{axis}"] for axis in "xyz"] == [0.7] * 3
     assert "rear.power" in amounts

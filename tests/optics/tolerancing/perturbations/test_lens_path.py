@@ -5,7 +5,7 @@ import pytest
 
 from optics.tolerancing.perturbations import LinearLight, Perturbation, tolerances_of
 from optics.tolerancing.perturbations.lens_path import RESTING, LensPaths
-from tests.optics.cases import FREE_REAR, FRONT, loaded
+from tests.optics.cases import FREE_REAR, FRONT, small_system
 from tests.optics.tolerancing.perturbations.cases import small_light
 
 SHIFT = Perturbation(lens_shift=(0.05, -0.03, 0.0))
@@ -94,7 +94,7 @@ def test_what_slides_over_a_rough_lens_is_predicted(tmp_path, backend, name):
 def test_the_front_is_followed_where_it_alone_is_free(tmp_path, backend):
     from optics.tolerancing.perturbations import PerturbedLight
 
-    system = loaded(tmp_path, FRONT, drop=FREE_REAR)
+    system = small_system(tmp_path, FRONT, drop=FREE_REAR)
     light = PerturbedLight(system, system.lens, backend)
     path = LensPaths(light)(SHIFT)
     middle = path.ds.shape[0] // 2

@@ -24,8 +24,8 @@ from optics.tolerancing.perturbations.light_limits import LightNumbers, bounds_o
 from optics.tolerancing.perturbations.tolerance_effects import Allowed
 from optics.tolerancing.perturbations.tolerance_trials import FREE, amount_of
 from tests.cases import EXAMPLES, examples
-from tests.optics.cases import loaded
-from tests.optics.tolerancing.perturbations.cases import few, small_system
+from tests.optics.cases import small_system
+from tests.optics.tolerancing.perturbations.cases import few, rough_system
 
 TOPHAT = {"target.kind": "tophat", "target.shape": "rectangle", "target.lit": [0.5, 0.5]}
 FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
@@ -34,7 +34,7 @@ FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 def even_system(folder, changes=None):
     """Return a lens whose light is even where it lies: a plane plate in a beam that fills the lit pixels."""
     plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "target.half_width": [19.0, 19.0]}
-    system = loaded(folder, TOPHAT | plate | (changes or {}))
+    system = small_system(folder, TOPHAT | plate | (changes or {}))
     return system, system.lens
 
 
@@ -98,7 +98,7 @@ def test_uniform_light_is_judged_by_its_uniformity_unless_something_else_is_aske
 
 
 def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) -> None:
-    system, lens = small_system(tmp_path)
+    system, lens = rough_system(tmp_path)
     found = budget_of(system, lens, backend, index=1e-3)
     assert [*found.bounds] == ["rel_l2"]
     with pytest.raises(UserError, match=r"min_over_mean is not known of this light: .* is not uniform"):
@@ -108,7 +108,7 @@ def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) 
 @pytest.mark.parametrize("changes", [{}, FAR], ids=["plane", "far field"])
 def test_a_shift_of_the_whole_light_costs_nothing_where_it_floats(tmp_path, backend, changes) -> None:
     """The target follows the light: what only shifts leaves the picture as it is, and shapes are kept."""
-    system, lens = small_system(tmp_path, TOPHAT | {"target.half_width": [40.0, 40.0]} | changes)
+    system, lens = rough_system(tmp_path, TOPHAT | {"target.half_width": [40.0, 40.0]} | changes)
     stands, follows = (PerturbedLight(system, lens, backend, floats=f) for f in (False, True))
     nominal = stands()[0]
     name = {"target_tilt": (0.0, 0.01, 0.0)} if changes else {"target_shift": (0.7, -0.3, 0.0)}
@@ -174,7 +174,7 @@ def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> N
 def test_the_reason_why_no_uniformity_is_known_is_said(even, tmp_path, backend) -> None:
     unknown = "min_over_mean is not known of this light: the light asked for is not uniform;"
     with pytest.raises(UserError, match=unknown):
-        budget_of(*small_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
+        budget_of(*rough_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
     system, lens = even_system(tmp_path, {"target.lit": [0.06, 0.06]})
     with pytest.raises(UserError, match=r"are smaller than a pixel of .*; limit rel_l2 or efficiency"):
         budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)

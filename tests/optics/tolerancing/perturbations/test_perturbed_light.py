@@ -19,8 +19,8 @@ from tests.optics.cases import TARGET_Z, alone
 from tests.optics.tolerancing.perturbations.cases import (
     Bowl,
     Waves,
+    rough_system,
     small_light,
-    small_system,
     traced_by_numpy,
 )
 
@@ -45,7 +45,7 @@ EVERYTHING = Perturbation(
 
 @pytest.fixture(scope="module")
 def system_and_lens(tmp_path_factory):
-    return small_system(tmp_path_factory.mktemp("small"))
+    return rough_system(tmp_path_factory.mktemp("small"))
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +230,7 @@ def test_a_beam_wider_than_the_lens_lights_it_wherever_it_stands(tmp_path, backe
 
 
 def test_warm_plastic_is_larger_and_thinner_for_light(tmp_path, backend):
-    system, lens = small_system(tmp_path, {"lens.material": "PMMA", "lens.index": "auto"})
+    system, lens = rough_system(tmp_path, {"lens.material": "PMMA", "lens.index": "auto"})
     warm = perturbed_lens(lens, Perturbation(temperature=30.0), system.material)
     s = 1 + 30 * 6e-5  # the expansion and dn/dT of PMMA by the data sheet of OKP4
     x, y = np.random.default_rng(1).uniform(-9, 9, (2, 50))
@@ -244,7 +244,7 @@ def test_warm_plastic_is_larger_and_thinner_for_light(tmp_path, backend):
 def test_light_of_a_spectrum_is_that_of_its_wavelengths_one_by_one(tmp_path, backend):
     """The errors of the index, of the temperature too, come to the index of each."""
     glass = {"lens.material": "N-BK7", "lens.index": "auto", "lens.absorption": "auto"}
-    system, lens = small_system(tmp_path, glass | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    system, lens = rough_system(tmp_path, glass | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
     p = Perturbation(index=0.003, temperature=400.0, lens_shift=(0.1, 0.0, 0.0))
     found, fates = PerturbedLight(system, lens, backend)(p)
     image, absorbed = 0.0, 0.0
@@ -262,7 +262,7 @@ def test_a_lens_of_another_index_than_its_material_stays_cold_at_all_wavelengths
     """Its table meets the catalogue at the lines, but not at the wavelength of the design."""
     table = [[nm, MATERIALS["PMMA"].index(nm)] for nm in (450.0, 650.0)]
     changes = {"lens.material": "PMMA", "lens.index": "auto", "lens.indices": table}
-    system, lens = small_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    system, lens = rough_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
     assert system.material is None
     light = PerturbedLight(system, lens, backend)
     np.testing.assert_array_equal(light(Perturbation(temperature=60.0))[0], light(NOMINAL)[0])
@@ -335,7 +335,7 @@ def test_a_source_turns_about_its_middle_however_its_place_is_told(tmp_path, bac
     for place in ({"source.distance": 25.0}, {"source.position": [0.0, 0.0, -25.0]}):
         folder = tmp_path / next(iter(place))
         folder.mkdir()
-        system, lens = small_system(folder, lamp | place)
+        system, lens = rough_system(folder, lamp | place)
         light = PerturbedLight(system, lens, backend, 1)
         moves.append(light.moved_by(Perturbation(**error)))
     assert moves[0] > 0.0
@@ -344,7 +344,7 @@ def test_a_source_turns_about_its_middle_however_its_place_is_told(tmp_path, bac
 
 def test_a_file_of_few_rays_is_as_noisy_as_it_is(tmp_path, backend):
     """Of 500 rays on 48 x 48 pixels: each pixel has less than one, whatever number is asked for."""
-    system, lens = small_system(tmp_path)
+    system, lens = rough_system(tmp_path)
     place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
     file = RayFileSource(flux=1.0, distance=25.0, file="none", **place)
     x, y = np.random.default_rng(1).uniform(-8, 8, (2, 500))
