@@ -8,6 +8,7 @@ from math import sqrt
 
 import numpy as np
 
+from optics.scene.receivers import Screen
 from thbcad.checks import Bools, Floats
 
 
@@ -52,6 +53,16 @@ class LightEstimate:
             self.off_target + other.off_target,
             float(np.hypot(self.off_error, other.off_error)),
         )
+
+    def finer(self, screen: Screen) -> LightEstimate:
+        """Return it on a screen of the same size with a multiple of the pixels in each direction.
+
+        Errors are larger by that multiple: a mean over as many pixels as came from one has its error again.
+        """
+        times = screen.shape[0] // self.irradiance.shape[0]
+        whole = np.ones((times, times))
+        image, error = (np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error))
+        return replace(self, irradiance=image, error=times * error)
 
     def over(self, projection: Floats) -> LightEstimate:
         """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""

@@ -29,13 +29,13 @@ RAYS_AT_ONCE = 1 << 19  # more only take more memory
 
 
 def ray_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, count: int | None = None
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance in box pixels along a path, W/mm^2, mean flux by fate).
 
-    system : whose source shines, and whose surfaces are rough.
+    system : whose source shines, and whose surfaces are rough.  count : of rays; None is `ray_count`.
     """
-    side = isqrt(ray_count(screen) // REPLICATES) + 1
+    side = isqrt((count or ray_count(screen)) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from optics.light.analysis.light_of_wavelengths import (
 )
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
+from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
@@ -122,6 +124,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
+    metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if other:
         metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, other)
@@ -140,6 +143,35 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def _zones(
+    system: OpticalSystem,
+    path: LightPath,
+    lens: Lens,
+    light: LightEstimate,
+    other: LightEstimate | None,
+    backend: Backend,
+) -> dict[str, Any]:
+    """Return the metrics of the target's zones.  Light that may have details within pixels is measured once
+    more, on finer ones; that of a blur which is wider than a pixel has none.
+
+    light : on the target's pixels.  other : of it, what came by other ways than along the path.
+    """
+    screen, fine, estimator = system.target.screen(), system.target.zone_screen, _estimator(system)
+    if fine != screen and estimator == "beams" and spot_rms(system, lens, backend) > max(screen.pitch):
+        fine = screen
+    if fine != screen:
+        estimate = ESTIMATES[estimator]
+        if estimator == "rays":  # as many in an aperture as in a pixel
+            count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
+            estimate = partial(ray_irradiance, count=max(count, ray_count(screen)))
+        light = light_of_plate(
+            system, path, lambda p: spectral_light(system, p, fine, backend, estimate)
+        ).estimate
+        light = light + other.finer(fine) if other else light
+    shown = fine.projection()
+    return zone_metrics(system, fine, light.irradiance / shown, light.error / shown)
 
 
 def _by_other_ways(
@@ -241,7 +273,7 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    found |= zone_metrics(system, shown_light, noise)
+    found |= zone_metrics(system, screen, shown_light, noise)
     if system.target.as_picture:
         found |= contrast_error(found, target)
     if system.target.uniform_region is not None:

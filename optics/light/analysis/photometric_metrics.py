@@ -34,16 +34,16 @@ def photometric_metrics(
         found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
-    return found | zone_metrics(system, irradiance, error)
+    return found
 
 
-def zone_metrics(system: OpticalSystem, irradiance: Floats, error: Floats) -> dict[str, Any]:
+def zone_metrics(system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats) -> dict[str, Any]:
     """Return what the light is in every row of the target's zones, nothing where it has none.
 
-    irradiance, error : as `photometric_metrics`.
+    irradiance, error : as `photometric_metrics`, on the screen's pixels.
     """
     target, density, found = system.target, system.density, []
-    for row in target.zone_rows(target.screen()):
+    for row in target.zone_rows(screen):
         reading = row.reading(irradiance, error)
         numbers = {name: density.factor * value for name, value in reading._asdict().items()}
         greatest = numbers["greatest"] if isfinite(reading.greatest) else None

@@ -4,6 +4,9 @@ Places are (H, V).  In the far field they are angles of a goniometer with a vert
 of headlamps have them: H = atan(p / r) and V = asin(q) of a direction (p, q, r).  Its chart has u = H and
 v = atan(q / r) = atan(tan V / cos H).  On other receivers they are u and v, mm.
 
+The light at a place is its mean over a square around it, the aperture of a photometer, or over a pixel where
+that is larger.
+
 Source: the goniometer of UN Regulation No. 112, whose horizontal axis is fixed to the ground.
 """
 
@@ -19,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from optics.scene.receivers.screen import Screen
-from thbcad.checks import Bools, Floats
+from thbcad.checks import Bools, Floats, Integers
 
 STEP = 0.5  # pixels between places along a line
 MOST_MARGIN = 0.9  # of a limit from above alone, below which light is to stay
@@ -73,6 +76,7 @@ class ZoneRow:
 
     readings : (places, pixels) to be multiplied with light, (rows x columns,).
     least, greatest : of that light; least_of_peak : least, of the greatest on the target.
+    peaks : readings all over the target, where `least_of_peak` asks for them.
     brightest : the light is that of the brightest place, else of the darkest.
     margin : that a design aims at.  correction : factor on the limits that it aims at.
     """
@@ -84,6 +88,7 @@ class ZoneRow:
     least_of_peak: float
     brightest: bool
     margin: float
+    peaks: csr_array | None = None
     correction: float = 1.0
 
     def aims(self, light: Floats) -> tuple[float, float]:
@@ -94,7 +99,7 @@ class ZoneRow:
         middle = (self.greatest - self.least) / (self.greatest + self.least) if self.least else MOST_MARGIN
         margin = min(self.margin, middle) if self.greatest < inf else self.margin
         share = min(self.least_of_peak * (1 + self.margin), (1 + self.least_of_peak) / 2)
-        of_peak = share * float(light.max()) if self.least_of_peak else 0.0
+        of_peak = 0.0 if self.peaks is None else share * float((self.peaks @ light.ravel()).max())
         least, greatest = max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
         return self.correction * least, self.correction * greatest
 
@@ -102,10 +107,15 @@ class ZoneRow:
         """Return what the row says.  light : (rows, columns); error : of its pixels, a standard deviation."""
         values = self.readings @ light.ravel()
         k = int(np.argmax(values) if self.brightest else np.argmin(values))
-        weights = self.readings[[k]]
+        weights, value, least = self.readings[[k]], float(values[k]), self.least
+        if self.peaks is not None:
+            found = self.peaks @ light.ravel()
+            peak = int(np.argmax(found))
+            if self.least_of_peak * found[peak] > least:  # the limit errs, too
+                least = self.least_of_peak * float(found[peak])
+                weights = weights - self.least_of_peak * self.peaks[[peak]]
         noise = float(np.sqrt((weights.multiply(weights) @ np.square(error.ravel()))[0]))
-        least = max(self.least, self.least_of_peak * float(light.max()))
-        return ZoneReading(float(values[k]), noise, least, self.greatest)
+        return ZoneReading(value, noise, least, self.greatest)
 
 
 def zone_places(shape: str, corners: ArrayLike, screen: Screen, right: int = 1) -> Floats:
@@ -134,22 +144,37 @@ def zone_places(shape: str, corners: ArrayLike, screen: Screen, right: int = 1) 
     return np.asarray(chart_of_goniometer(right * h, up) if screen.angular else (right * h, up)).T
 
 
-def zone_readings(places: Floats, screen: Screen) -> csr_array:
-    """Return the matrix that reads light at places from pixels, linear between their centres, (n, pixels).
+def zone_readings(places: Floats, screen: Screen, aperture: float = 0.0) -> csr_array:
+    """Return the matrix that reads light at places from pixels, (n, pixels): means over squares around them.
 
-    places : (n, 2) of (u, v) on the screen; beside the outermost centres their light counts.
+    Light is taken as even within a pixel; over squares as wide as pixels that is linear between centres.
+
+    places : (n, 2) of (u, v) on the screen; beside it the light of the nearest square on it counts.
+    aperture : width of the squares, mm or degrees; at least a pixel.
     """
-    (columns, rows), (px, py), (hx, hy) = screen.pixels, screen.pitch, screen.half_width
-    column = np.clip((places[:, 0] + hx) / px - 0.5, 0, columns - 1)
-    row = np.clip((hy - places[:, 1]) / py - 0.5, 0, rows - 1)
-    left = np.minimum(column.astype(np.int64), columns - 2)
-    top = np.minimum(row.astype(np.int64), rows - 2)
-    a, b = column - left, row - top
-    parts = [((1 - a) * (1 - b), 0, 0), (a * (1 - b), 1, 0), ((1 - a) * b, 0, 1), (a * b, 1, 1)]
-    weights = np.concatenate([weight for weight, _, _ in parts])
-    pixels = np.concatenate([(top + down) * columns + left + across for _, across, down in parts])
-    number = np.tile(np.arange(len(places)), len(parts))
-    return csr_array((weights, (number, pixels)), shape=(len(places), columns * rows))
+    (columns, rows), (u, v) = screen.pixels, places.T
+    across, left = _shares(u, columns, screen.half_width[0], aperture)
+    down, top = _shares(-v, rows, screen.half_width[1], aperture)
+    weights = down[:, :, None] * across[:, None, :]
+    pixels = (top[:, None] + np.arange(down.shape[1]))[:, :, None] * columns
+    pixels = pixels + (left[:, None] + np.arange(across.shape[1]))[:, None, :]
+    first = np.arange(len(places) + 1) * (down.shape[1] * across.shape[1])
+    return csr_array((weights.ravel(), pixels.ravel(), first), shape=(len(places), columns * rows))
+
+
+def _shares(at: Floats, count: int, half_width: float, aperture: float) -> tuple[Floats, Integers]:
+    """Return the shares of intervals around places in neighbouring pixels of a row, and the first of these.
+
+    Returns (places, pixels) and (places,).
+    """
+    pitch = 2 * half_width / count
+    width = min(max(aperture / pitch, 1.0), count)  # pixels
+    low = np.clip((at + half_width) / pitch - width / 2, 0, count - width)
+    number = min(ceil(width) + 1, count)
+    first = np.minimum(low.astype(np.int64), count - number)
+    left = first[:, None] + np.arange(number)
+    ends = np.minimum(left + 1, (low + width)[:, None]), np.maximum(left, low[:, None])
+    return np.maximum(ends[0] - ends[1], 0.0) / width, first
 
 
 def zone_rows(
@@ -159,17 +184,20 @@ def zone_rows(
     limits: tuple[float, float, float],
     margin: float,
     peak: bool = False,
+    aperture: float = 0.0,
 ) -> list[ZoneRow]:
     """Return the rows of a region: the lower limits of its darkest place, the upper one of its brightest.
 
     limits : least, greatest and least_of_peak.  peak : all are limits of its brightest place.
+    aperture : as of `zone_readings`.
     """
-    readings, (least, greatest, of_peak) = zone_readings(places, screen), limits
+    readings, (least, greatest, of_peak) = zone_readings(places, screen, aperture), limits
+    everywhere = zone_readings(zone_places("whole", (), screen), screen, aperture) if of_peak else None
     if peak or len(places) == 1:
-        return [ZoneRow(name, readings, least, greatest, of_peak, peak, margin)]
+        return [ZoneRow(name, readings, least, greatest, of_peak, peak, margin, everywhere)]
     rows = []
     if least or of_peak:
-        rows.append(ZoneRow(f"{name}, darkest", readings, least, inf, of_peak, False, margin))
+        rows.append(ZoneRow(f"{name}, darkest", readings, least, inf, of_peak, False, margin, everywhere))
     if greatest < inf:
         rows.append(ZoneRow(f"{name}, brightest", readings, 0.0, greatest, 0.0, True, margin))
     return rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,14 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences.append(
             f"the flux forbids what is asked: of the {system.passing:.4g} lm that pass all faces even the "
             f"smoothest light misses {', '.join(missed)}; raise source.flux"
+        )
+    target, screen = system.target, system.target.screen()
+    sharp = not (system.blurred or system.source.extended)
+    if problem.target.zones and sharp and max(screen.pitch) > target.aperture > 0:
+        enough = [ceil(2 * half / target.aperture) for half in screen.half_width]
+        sentences.append(
+            f"zones are read over {target.aperture:g} {screen.unit}, and pixels are wider: a design does not "
+            f"see what they read; --set target.pixels={enough}"
         )
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))

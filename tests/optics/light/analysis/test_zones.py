@@ -9,8 +9,10 @@ import pytest
 
 from optics.base.runtime import check_lines, verification
 from optics.light.analysis import delivered, delivery_checks, judged, measure
+from optics.light.analysis.light_estimate import LightEstimate
 from optics.scene.problem import Verify, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.receivers import Screen
+from optics.scene.system import OpticalSystem, advice
 from tests.optics.cases import write_problem
 
 LUMENS = 500.0
@@ -25,6 +27,7 @@ CONE = {  # an isotropic point before a plate: the same intensity within 20 degr
     "target.distance": inf,
     "target.half_width": [25.0, 25.0],
     "target.pixels": [50, 50],
+    "target.aperture": 1.0,
 }
 INTENSITY = LUMENS / (2 * pi * (1 - cos(radians(20)))) * 0.96**2  # cd, at normal incidence
 
@@ -69,7 +72,32 @@ def test_the_rows_of_a_known_light_are_judged_one_by_one(tmp_path, backend):
     assert re.search(r"ok     in at \(0, 0\): \d{4} cd \(at least \d+\.?\d*\); margin \+11%", lines[0])
     assert json.loads(json.dumps(found.metrics["zones"])) == found.metrics["zones"]
     light = delivered(system, found.irradiance, None, 1.0, 0.0, 0.0)
-    assert [row["value"] for row in light["zones"]] == [row["value"] for row in found.metrics["zones"]]
+    stored, fresh = ([row["value"] for row in rows["zones"]] for rows in (light, found.metrics))
+    assert stored == pytest.approx(fresh, rel=3e-3, abs=1e-6)  # of even light, by wider pixels
+
+
+def test_zones_are_read_over_an_aperture_however_wide_pixels_are(tmp_path, backend):
+    """The cone ends at 20 degrees, in the middle between the centres of two pixels, whose means hide it."""
+    zone = {"points": [[19.7, 0], [20.3, 0]], "least": 1.0}
+    system, found = measured(tmp_path, backend, [zone], **{"target.aperture": "auto"})
+    _, wide = measured(tmp_path, backend, [zone])
+    values, hidden = ([row["value"] / INTENSITY for row in run.metrics["zones"]] for run in (found, wide))
+    assert values == pytest.approx([0.95, 0.0], abs=0.05)  # at 20 degrees the front reflects more
+    assert hidden == pytest.approx([0.8, 0.2], abs=0.1)
+    notes = [note for note in advice(system) if "zones are read over 0.15 degrees" in note]
+    assert [note.partition("--set ")[2] for note in notes] == ["target.pixels=[334, 334]"]
+    fine = load_problem(tmp_path / "problem.toml", {"target.zone": [zone], "target.pixels": [334, 334]})
+    assert not any("zones are read" in note for note in advice(OpticalSystem(fine)))
+
+
+def test_light_on_finer_pixels_has_the_error_of_means_again():
+    rng, screen = np.random.default_rng(0), Screen((1.0, 1.0), (3, 2))
+    light = LightEstimate(*rng.uniform(size=(2, 2, 3)), 1.0, 0.0)
+    fine = light.finer(screen.finer(4))
+    means = fine.irradiance.reshape(2, 4, 3, 4).mean(axis=(1, 3))
+    errors = np.sqrt(np.square(fine.error).reshape(2, 4, 3, 4).sum(axis=(1, 3))) / 16
+    assert means == pytest.approx(light.irradiance, rel=1e-15)
+    assert errors == pytest.approx(light.error, rel=1e-15)
 
 
 ROW = {"name": "at (0, 0)", "value": 100.0, "error": 5.0, "least": 92.0, "greatest": None, "limit": 92.0}

@@ -146,6 +146,22 @@ def test_a_reading_is_exact_on_linear_light_and_its_error_is_that_of_independent
     assert found.error == pytest.approx(0.1 / 2)  # the mean of four
 
 
+@pytest.mark.parametrize("aperture", [0.0, 0.3, 0.74, 1.3, 9.0])
+def test_a_reading_is_the_mean_over_an_aperture(aperture):
+    """Of pixels 0.4 x 0.2 wide, cut into parts of 0.01; at a border those that touch it."""
+    screen, times = Screen((3.0, 2.0), (15, 20)), (20, 40)
+    light = np.random.default_rng(1).uniform(size=screen.shape)
+    fine = np.repeat(np.repeat(light, times[0], 0), times[1], 1)
+    at = np.round(np.random.default_rng(2).uniform([-3, -2], [3, 2], (40, 2)), 2)
+    found = zone_readings(at, screen, aperture) @ light.ravel()
+    parts = [round(50 * min(max(aperture, p), 2 * h)) for p, h in zip(screen.pitch, screen.half_width)]
+    for (u, v), value in zip(at, found):
+        middle = round(100 * (u + 3)), round(100 * (2 - v))
+        column, row = (np.clip(m, half, n - half) for m, half, n in zip(middle, parts, fine.shape[::-1]))
+        box = fine[row - parts[1] : row + parts[1], column - parts[0] : column + parts[0]]
+        assert value == pytest.approx(box.mean(), rel=1e-10)
+
+
 @pytest.mark.parametrize("right", [1, -1])
 def test_a_polygon_is_read_where_matplotlib_says_that_pixels_lie_within(right):
     screen = Screen((10.0, 6.0), (40, 24), receiver=FAR)
@@ -173,3 +189,5 @@ def test_a_region_has_its_least_light_above_one_limit_and_its_greatest_below_the
     assert peak.reading(light, 0 * light)[:1] == pytest.approx((7.0,))
     (share,) = zone_rows("share", np.array([[0.0, 0.0]]), screen, (0.0, np.inf, 0.8), 0.1)
     assert share.reading(light, 0 * light).limit == pytest.approx(0.8 * 7)
+    noise = np.where(light == 7.0, 0.3, 0.1)  # the limit errs with its pixel
+    assert share.reading(light, noise).error == pytest.approx(np.hypot(0.1 / 2, 0.8 * 0.3))
