@@ -13,7 +13,9 @@ from typing import Any
 from uuid import uuid4
 
 from optics.base.runtime import UserError
+from optics.base.workers.lack_of_memory import lacks_memory
 from optics.base.workers.local_processes import Worker, WorkerPool
+from optics.base.workers.messages import COMMON, ITEM, VALUE, packed, unpacked
 from optics.base.workers.worker_side import Answer, answer, prepare
 from thbcad import __version__
 
@@ -73,12 +75,13 @@ def run_tasks(
 ) -> Generator[TaskResult]:
     """Yield the result of function(common, item) for every item, in the order in which they come.
 
-    A task that raises has a sentence instead of a value.  A task whose worker ends is tried once more.
+    A task that raises, or that cannot be sent or answered, has a sentence instead of a value.  A task whose
+    worker ends is tried once more.
 
     function : of a module, which workers import.  items : read as they are needed.
     common : sent to every worker once.
 
-    Raises UserError : there are no workers, or no more.
+    Raises UserError : there are no workers, or no more; they cannot be sent `common`.
     """
     loop = _TaskLoop(function, items, pool, common)
     try:
@@ -92,7 +95,7 @@ class _TaskLoop:
         self, function: Callable[[Any, Any], Any], items: Iterable[Any], pool: WorkerPool, common: Any
     ) -> None:
         self._run, self._name = uuid4().hex, (function.__module__, function.__qualname__)
-        self._items, self._pool, self._common = enumerate(items), pool, common
+        self._items, self._pool, self._common = enumerate(items), pool, packed(common, COMMON)
         self._again = deque[_Task]()
         self._lanes: dict[str, _Lane] = {}
         self._events = SimpleQueue[tuple[str, Future[Any]]]()
@@ -105,10 +108,7 @@ class _TaskLoop:
             for most in range(1, self._depth() + 1):  # first to those that have fewest
                 for name, lane in self._lanes.items():
                     while lane.ready and self._more() and lane.takes(self._again[0], most):
-                        task = self._again.popleft()
-                        future = lane.worker.executor.submit(answer, self._run, *self._name, task.item)
-                        lane.tasks[future] = task
-                        self._listen(name, future)
+                        yield from self._hand_out(name, lane)
             if not self._more() and not any(lane.tasks for lane in self._lanes.values()):
                 return
             yield from self._wait()
@@ -142,6 +142,18 @@ class _TaskLoop:
         if not self._again:
             self._again.extend(_Task(index, item) for index, item in islice(self._items, 1))
         return bool(self._again)
+
+    def _hand_out(self, name: str, lane: _Lane) -> Iterator[TaskResult]:
+        """Give a worker the next task; where its item cannot be sent, that has failed."""
+        task = self._again.popleft()
+        try:
+            item = packed(task.item, ITEM)
+        except UserError as error:
+            yield TaskResult(task.index, None, str(error))
+            return
+        future = lane.worker.executor.submit(answer, self._run, *self._name, item)
+        lane.tasks[future] = task
+        self._listen(name, future)
 
     def _depth(self) -> int:
         """Return how many tasks a thread of a worker may have."""
@@ -209,12 +221,20 @@ class _TaskLoop:
         said = future.result()
         self._seconds += said.seconds
         self._done += 1
-        return TaskResult(task.index, said.value, said.failure, said.seconds, said.peak_mb)
+        value, failure = None, said.failure
+        if not failure:
+            try:
+                value = unpacked(said.value, VALUE)
+            except UserError as error:
+                failure = str(error)
+        return TaskResult(task.index, value, failure, said.seconds, said.peak_mb)
 
 
 def _require_version(name: str, starting: Future[str]) -> None:
-    """Raise UserError unless a worker has this version of thbcad."""
+    """Raise UserError unless a worker has this version of thbcad, or what it says."""
     if (error := starting.exception()) is not None:
+        if isinstance(error, UserError) or lacks_memory(error):
+            raise error
         raise UserError(
             f"the worker {name} cannot be made ready ({type(error).__name__}: {error}); install thbcad "
             f"{__version__} there"

@@ -25,6 +25,20 @@ def fail_odd(common, item):
     return item
 
 
+class Unreadable:
+    """What pickle writes and cannot read back."""
+
+    def __reduce__(self):
+        return int, ("none",)
+
+
+def answer_or_end(common, item):
+    """Return what cannot be sent, or cannot be read, or end the process, as items say."""
+    if item == "exit":
+        raise SystemExit("the task is tired")
+    return {"unsent": lambda: 0, "unread": Unreadable()}.get(item, item)
+
+
 def kill_marked(marked, item):
     """Kill the own process for items that are marked, and note every try in a file."""
     number, folder = item

@@ -3,10 +3,12 @@ a lack of memory, bad arguments."""
 
 import errno
 import os
+import re
 import signal
 import time
 from contextlib import closing
 from importlib.util import find_spec
+from threading import Lock
 
 import pytest
 
@@ -76,11 +78,29 @@ def test_a_task_that_raises_has_a_sentence_and_the_others_go_on(any_pool):
     assert not any(r.killed for r in found.values())
 
 
-@without_dask
-@pytest.mark.slow
-def test_what_cannot_be_sent_has_a_sentence(dask):
-    (found,) = run_tasks(tasks.add, [lambda: 0], dask, 5)
-    assert found.failure
+def test_what_cannot_be_sent_has_a_sentence(any_pool):
+    items = [1, lambda: 0, Lock(), tasks.Unreadable(), 2]
+    found = {r.index: r for r in run_tasks(tasks.add, items, any_pool, 5)}
+    assert [found[k].value for k in (0, 4)] == [6, 7]
+    for k in (1, 2, 3):
+        assert re.match(r"the item of a task cannot be sent .*; it must be what pickle", found[k].failure)
+        assert not found[k].killed
+
+
+def test_what_cannot_be_answered_has_a_sentence(any_pool):
+    items = ["unsent", "unread", "exit", "well"]
+    found = {r.index: r for r in run_tasks(tasks.answer_or_end, items, any_pool)}
+    for k in (0, 1):
+        assert re.match(r"what a task returns cannot be sent .*; it must be what pickle", found[k].failure)
+    assert found[2].failure == "internal error: SystemExit: the task is tired"
+    assert found[3].value == "well"
+    assert not any(r.killed for r in found.values())
+
+
+@pytest.mark.parametrize("common", [lambda: 0, tasks.Unreadable()], ids=["unsent", "unread"])
+def test_what_all_tasks_share_and_cannot_be_sent_is_named(any_pool, common):
+    with pytest.raises(UserError, match=r"what all tasks share cannot be sent .*; it must be what pickle"):
+        list(run_tasks(tasks.add, [1], any_pool, common))
 
 
 def with_killers(pool, folder):
