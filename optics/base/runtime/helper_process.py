@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -146,26 +146,30 @@ def serve(requests: int, alive: int) -> None:
         signal.signal(signal.SIGINT, _stop)  # work in the background inherits no handler
         hear_interrupts()
         while True:
-            with _stopped_while_loading():  # arguments, too, may need a package
-                request = pipe.recv()
-            pipe.send(_called(*request))
+            pipe.send_bytes(_called(pipe.recv_bytes()))
             collect_and_give_back()
     os._exit(0)  # to take the loaded packages down takes longer than some requests
 
 
-def _called(module: str, function: str, arguments: Sequence[Any]) -> tuple[Any, BaseException | None]:
-    """Return (what the function returns, None) or (None, what it raises)."""
+def _called(request: bytes) -> memoryview:
+    """Return (what the function returns, None) or (None, what it raises), pickled.
+
+    What cannot be read of the request, or sent of what the function returns, is an error as any other.
+    """
     try:
-        with _stopped_while_loading():
-            return getattr(import_module(module), function)(*arguments), None
+        with _stopped_while_loading():  # arguments, too, may need a package
+            module, function, arguments = ForkingPickler.loads(request)
+            value = getattr(import_module(module), function)(*arguments)
+            return ForkingPickler.dumps((value, None))
     except Exception as error:
         where = "".join(traceback.format_exception(error))
         if isinstance(error, MemoryError):
             error = MemoryError(str(error))  # numpy has its own
         if type(error).__module__.partition(".")[0] in TRAVELLING:
             error.add_note(where)
-            return None, error
-        return None, RuntimeError(where)
+            with suppress(Exception):  # it holds what cannot be sent
+                return ForkingPickler.dumps((None, error))
+        return ForkingPickler.dumps((None, RuntimeError(where)))
 
 
 _STOPPED = Event()

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -110,6 +111,28 @@ def test_its_exceptions_are_raised_here_with_where_they_come_from(process, tmp_p
 def test_an_exception_of_another_package_is_told_as_text(process):
     with pytest.raises(RuntimeError, match=r"LinAlgError: .*square"):
         process.ask("numpy.linalg", "inv", [[1.0, 2.0]]).result()
+
+
+class Unreadable:
+    """An argument that can be sent and not read."""
+
+    def __reduce__(self):
+        return int, ("none",)
+
+
+def fail_with_a_lock():
+    raise UserError.__new__(UserError, threading.Lock())
+
+
+def test_what_cannot_be_read_or_sent_there_is_an_error_and_not_its_end(process):
+    pid = process.ask("os", "getpid").result()
+    with pytest.raises(ValueError, match="invalid literal"):
+        process.ask("builtins", "repr", Unreadable()).result()
+    with pytest.raises(TypeError, match="cannot pickle"):
+        process.ask("threading", "Lock").result()
+    with pytest.raises(RuntimeError, match="UserError"):
+        process.ask("tests.optics.base.runtime.test_helper_process", "fail_with_a_lock").result()
+    assert process.ask("os", "getpid").result() == pid
 
 
 def test_a_lack_of_memory_is_one_here(process):
