@@ -7,9 +7,10 @@ killed: SQLite's log is written ahead.
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ class SweepStore:
     """The rows of one sweep."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
-        self._path, self._connection = path, connection
+        self._path, self._connection, self._file = path, connection, path.stat()
         self._waiting, self._seconds = 0, 0.0
 
     def problems(self) -> set[str]:
@@ -81,8 +82,19 @@ class SweepStore:
             self.commit()
 
     def commit(self) -> None:
+        """Bring what waits to the disk, into the file that was opened: one without a name could be filled on.
+
+        Raises UserError : the file was removed or moved.
+        """
         self._connection.commit()
         self._waiting, self._seconds = 0, 0.0
+        with suppress(OSError):
+            if os.path.samestat(self._path.stat(), self._file):
+                return
+        raise UserError(
+            f"{self._path} was removed or moved while the sweep ran; bring it back and go on with --resume, "
+            "or run the sweep again in a folder that stays"
+        )
 
 
 @contextmanager
@@ -91,7 +103,8 @@ def open_store(path: Path, sweep: Mapping[str, str]) -> Iterator[SweepStore]:
 
     sweep : what tells it from other sweeps, texts by name.
 
-    Raises UserError : the file belongs to another sweep or version, is damaged, or the disk is full.
+    Raises UserError : the file belongs to another sweep or version, is damaged, or the disk is full; it was
+        removed or moved, whatever else ends the block then.
     """
     try:
         connection = sqlite3.connect(path)

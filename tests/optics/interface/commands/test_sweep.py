@@ -8,7 +8,7 @@ from optics.interface.commands import main
 from optics.interface.sweeps import sweep
 from tests.cases import EXAMPLES
 from tests.optics.interface.commands.cases import data_of, printed, refused
-from tests.optics.interface.sweeps.cases import picky, quick, thread_pool
+from tests.optics.interface.sweeps.cases import moving, picky, quick, thread_pool
 
 PROBLEM = str(EXAMPLES / "tophat_circle.toml")
 VARY = ["--vary", "target.distance=200:300:2"]
@@ -53,6 +53,19 @@ def test_failing_variants_are_told_and_the_rows_are_data(by, tmp_path, capsys):
     only = ["--vary", "target.distance=300", "--out", str(tmp_path)]
     said = printed(capsys, "sweep", PROBLEM, *only, "--quiet", code=1)
     assert "failed: 300 mm is too far; come nearer" in said
+
+
+def test_a_folder_that_is_moved_while_the_sweep_runs_is_told_with_the_remedy(
+    by, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    by(moving)
+    said = refused(capsys, "sweep", PROBLEM, *VARY, "--out", "out", "--quiet")
+    assert said.startswith("thbcad: out/sweep.sqlite was removed or moved while the sweep ran; bring it back")
+    (tmp_path / "moved").rename("out")
+    assert "2 variants: 2 done" in printed(
+        capsys, "sweep", PROBLEM, *VARY, "--out", "out", "--quiet", "--resume"
+    )
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,33 @@ def test_no_more_than_half_a_second_of_work_waits_for_the_disk(tmp_path):
         assert other.problems() == {"a", "b", "c", "d"}
 
 
+@pytest.mark.parametrize("other", [False, True], ids=["gone", "replaced"])
+def test_nothing_is_stored_into_a_file_that_is_not_there_any_more(tmp_path, other):
+    path, reached = tmp_path / "s", []
+
+    def stored():
+        with open_store(path, ABOUT) as store:
+            path.rename(tmp_path / "moved")
+            if other:
+                path.touch()
+            store.add("a", {}, replace(ROW, seconds=60.0))
+            reached.append("the end")
+
+    with pytest.raises(UserError, match=r"s was removed or moved while .*; bring it back and go on"):
+        stored()
+    assert not reached
+
+
+def test_that_the_file_is_gone_is_told_before_what_follows_from_it(tmp_path):
+    def failing():
+        with open_store(tmp_path / "s", ABOUT):
+            (tmp_path / "s").unlink()
+            raise FileNotFoundError("figures")
+
+    with pytest.raises(UserError, match="was removed or moved"):
+        failing()
+
+
 @pytest.mark.parametrize("status", ["failed", "killed"])
 def test_what_is_designed_stays_where_another_try_for_its_lens_fails(tmp_path, status):
     tried = replace(ROW, status=status, sentence="no memory", metrics={})
