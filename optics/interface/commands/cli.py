@@ -72,9 +72,9 @@ def _run(options: Namespace) -> int:
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with _silence() if options.quiet else nullcontext():
         outcome: Outcome = getattr(command, options.command)(options)
-    lines = "\n".join(outcome.lines).split("\n")
     with _printing():
-        print(json_text(outcome.data) if options.json else "\n".join(map(printable, lines)), flush=True)
+        text = json_text(outcome.data) if options.json else "\n".join(map(printable, outcome.lines))
+        print(text, flush=True)
     return outcome.code
 
 

@@ -86,8 +86,15 @@ def test_control_characters_of_a_title_do_not_reach_the_terminal(tmp_path, capsy
     title = "a\x1b[31m\0\x9b2Jb\nc\u202ed"
     assert main(["check", str(write_problem(tmp_path, {"title": title}))]) == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines()[0].startswith("a\\x1b[31m\\x00\\x9b2Jb")
+    assert captured.out.splitlines()[0].startswith("a\\x1b[31m\\x00\\x9b2Jb\\x0ac\\x202ed: the problem")
     assert all(c.isprintable() or c == "\n" for c in captured.out + captured.err)
+
+
+def test_a_line_of_a_result_is_one_line_whatever_its_folder_is_called(capsys, monkeypatch):
+    lines = ["solid out\ndir/lens.step", "light as asked for"]
+    monkeypatch.setattr("optics.interface.commands.check_command.check", lambda options: Outcome({}, lines))
+    assert main(["check", "any.toml"]) == 0
+    assert capsys.readouterr().out == "solid out\\x0adir/lens.step\nlight as asked for\n"
 
 
 # ---- streams that cannot be written ----
