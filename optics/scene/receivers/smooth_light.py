@@ -4,7 +4,7 @@
 
 with cubic B-splines that vanish at the border of the target, and rows a f >= least (1 + margin) and a f <=
 greatest (1 - margin).  Every row has a slack, and its misfit a weight: one problem of non-negative least
-squares, which has a solution always.  What it still misses, the flux forbids to light as smooth as this.
+squares, which has a solution always.  What it still misses, rougher light may keep.
 """
 
 from __future__ import annotations

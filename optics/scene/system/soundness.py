@@ -158,19 +158,8 @@ def advice(system: OpticalSystem) -> list[str]:
             "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time "
             "(examples/extended.toml)"
         )
-    if problem.target.kind == "zones" and (missed := system.target.forbidden):
-        sentences.append(
-            f"the flux forbids what is asked: of the {system.passing:.4g} lm that pass all faces even the "
-            f"smoothest light misses {', '.join(missed)}; raise source.flux"
-        )
-    target, screen = system.target, system.target.screen()
-    sharp = not (system.blurred or system.source.extended)
-    if problem.target.zones and sharp and max(screen.pitch) > target.aperture > 0:
-        enough = [ceil(2 * half / target.aperture) for half in screen.half_width]
-        sentences.append(
-            f"zones are read over {target.aperture:g} {screen.unit}, and pixels are wider: a design does not "
-            f"see what they read; --set target.pixels={enough}"
-        )
+    if problem.target.zones:
+        sentences += _zone_advice(system)
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
     thrown = CONIC_SLOPE * system.path(system.lens).lever
@@ -192,3 +181,27 @@ def advice(system: OpticalSystem) -> list[str]:
         for optic, shape in free
         for sentence in limit_advice(problem.about(optic), shape, volume_of_made(optic, shape))
     ]
+
+
+def _zone_advice(system: OpticalSystem) -> list[str]:
+    """Return sentences about rows that the light aimed at misses, which is no bound, since a lens may keep
+    them, and about pixels too wide to see what zones are read over."""
+    target, screen = system.target, system.target.screen()
+    remedies = {
+        "lower": "raise source.flux, or make target.half_width smaller",
+        "upper": "make the zone smaller, or try a larger target.half_width or a lower source.flux",
+    }
+    sentences = [
+        f"the smoothest light of the {system.passing:.4g} lm that pass all faces, which a design starts to "
+        f"aim at, misses the {limit} limit of {', '.join(missed)}, and the design may miss it too; {remedy}"
+        for limit, remedy in remedies.items()
+        if target.settings.kind == "zones" and (missed := target.missed(limit == "lower"))
+    ]
+    sharp = not (system.blurred or system.source.extended)
+    if sharp and max(screen.pitch) > target.aperture > 0:
+        enough = [ceil(2 * half / target.aperture) for half in screen.half_width]
+        sentences.append(
+            f"zones are read over {target.aperture:g} {screen.unit}, and pixels are wider: a design does not "
+            f"see what they read; --set target.pixels={enough}"
+        )
+    return sentences

@@ -124,14 +124,17 @@ class LightTarget:
         """Whether light is judged as a picture: not uniform light, nor where zones alone count."""
         return self.uniform_region is None and self.settings.kind != "zones"
 
-    @property
-    def forbidden(self) -> list[str]:
-        """The rows that the smoothest light misses, and by how much: too little flux may arrive."""
+    def missed(self, lower: bool) -> list[str]:
+        """Return the rows that the smoothest light misses, and by how much.
+
+        lower : those whose nearer limit is the lower one, else the others.
+        """
         screen, light = self.screen(), self.light
         rows, held = self.zone_rows(screen), float((light * screen.projection()).sum()) * screen.pixel_area
         light = light * min(1.0, self.flux / held)  # limits may take more than there is
-        missed = ((row.name, -row.reading(light, 0 * light).margin) for row in rows)
-        return [f"{name} by {share:.0%}" for name, share in missed if share > LEAST_MISS]
+        read = ((row.name, row.reading(light, 0 * light)) for row in rows)
+        short = ((name, -row.margin) for name, row in read if row.at_least == lower)
+        return [f"{name} by {share:.0%}" for name, share in short if share > LEAST_MISS]
 
     def zone_rows(self, screen: Screen) -> list[ZoneRow]:
         """Return the rows of all zones, to read light on a screen's pixels, flux per area there."""

@@ -47,7 +47,7 @@ def test_light_that_keeps_more_bends_more_and_so_does_what_lies_between(light, o
     assert bending(light) < bending((light + more) / 2) < bending(more)
 
 
-def test_what_the_flux_forbids_is_missed_and_seen_as_such():
+def test_rows_that_want_more_than_the_flux_are_missed_and_seen_as_such():
     dim = smoothest_light(SCREEN, rows(0.2), 10.0)
     assert min(row.reading(dim, 0 * dim).margin for row in rows(0.2)) < -0.1
     assert (dim * SCREEN.projection()).sum() * SCREEN.pixel_area < 60.0

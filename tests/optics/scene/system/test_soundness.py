@@ -12,7 +12,7 @@ from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.system import can_be_lit, nearest_geometry, solvable_system
 from optics.scene.system.soundness import CONIC_SLOPE, advice
-from tests.optics.cases import small_system, write_problem
+from tests.optics.cases import flat_problem, small_system, write_problem
 from tests.optics.scene.problem.cases import MIRROR, load_text, refusal
 
 # ---- advice ----
@@ -70,6 +70,54 @@ def test_conics_that_step_holds_as_splines_are_weighed_against_the_limit_of_land
 def test_missed_limits_are_part_of_the_advice(tmp_path):
     (sentence,) = advised(tmp_path, {"limits.thickness": 7.0})
     assert sentence.startswith("before optimisation the thickness is 1 mm short of limits.thickness")
+
+
+POINT = {"name": "point", "points": ((100, 0),), "least": 4000.0}
+CUT = {"name": "cut", "box": ((-150, 20), (150, 80)), "greatest": 500.0}
+SMALLER = CUT | {"box": ((-50, 40), (50, 80))}
+
+
+def advised_of_zones(zone, flux, half_width=(200, 100)):
+    """Return what is advised where a lens lights zones on a screen 1 m away with so many lumens."""
+    source = {"kind": "collimated", "half_width": (9.5, 9.5), "unit": "lm", "flux": flux}
+    target = {"kind": "zones", "distance": 1000.0, "pixels": (48, 24), "half_width": half_width, "zone": zone}
+    rear = {"half_width": (10, 10), "radius": "auto", "conic": -1.0}
+    return advice(solvable_system(flat_problem(source, target, {"rear": rear})))
+
+
+@pytest.mark.parametrize(
+    ("zone", "flux", "missed", "remedy", "changes"),
+    [
+        ([POINT], 1.0, "the lower limit of point at (100, 0)", "raise source.flux", {"flux": 10.0}),
+        (
+            [POINT],
+            1.0,
+            "the lower limit of point at (100, 0)",
+            "make target.half_width smaller",
+            {"half_width": (150, 60)},
+        ),
+        ([CUT], 400.0, "the upper limit of cut, brightest", "a lower source.flux", {"flux": 100.0}),
+        ([CUT], 400.0, "the upper limit of cut, brightest", "make the zone smaller", {"zone": [SMALLER]}),
+        (
+            [POINT, CUT],
+            400.0,
+            "the upper limit of cut, brightest",
+            "a larger target.half_width",
+            {"half_width": (250, 125)},
+        ),
+    ],
+    ids=["more flux", "smaller target", "less flux", "smaller zone", "larger target"],
+)
+def test_rows_of_zones_that_the_light_aimed_at_misses_are_told_with_what_helps(
+    zone, flux, missed, remedy, changes
+):
+    """Such light is no bound: the design may miss the rows too, and may keep them."""
+    given = {"zone": zone, "flux": flux}
+    (sentence,) = advised_of_zones(**given)
+    assert f"which a design starts to aim at, misses {missed} by " in sentence
+    assert "the design may miss it too; " in sentence
+    assert remedy in sentence.partition("; ")[2]
+    assert advised_of_zones(**(given | changes)) == []
 
 
 @pytest.mark.parametrize("half_width", [19.0, 21.0])
