@@ -25,7 +25,7 @@ STEPS, STRIDE = 64, 8
 FARTHEST = 8.0  # times the distance that it has
 DIGITS = 3  # of lengths
 ANGLES = 1  # digits behind the point, of degrees
-PARALLEL = 1e-9  # of the sine of an angle
+NOTHING = 1e-9  # mm, of a length; of the sine of an angle
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ def _leant(system: OpticalSystem, t: float) -> Step | None:
     if not isinstance(optic, Placed):
         return None
     far, normal = system.target.far_field, system.target.receiver.pose.rotation[:, 2]
-    goal = normal if far else _line(system) / np.linalg.norm(_line(system))
+    goal = normal if far else _along(_line(system))
     if system.reflects:
-        goal = _coming(system) / np.linalg.norm(_coming(system)) - goal
+        goal = _along(_coming(system)) - goal  # nothing where light would have to go straight on
     tilt = _tilt(t * _turn(system.pose.rotation[:, 2], goal), system.pose)
     return Step(optic.key("tilt"), tilt, system.problem.with_optic(tilt=tuple(tilt)))
 
@@ -156,12 +156,19 @@ def _straight(system: OpticalSystem) -> Floats:
     return along - 2 * (along @ axis) * axis if system.reflects else along
 
 
+def _along(vector: Floats) -> Floats:
+    """Return the direction of a vector; zeros where it has none."""
+    length = np.linalg.norm(vector)
+    return vector / length if length > NOTHING else np.zeros(3)
+
+
 def _turn(start: Floats, end: Floats) -> Floats:
-    """Return the rotation vector that takes a direction to another one, rad; of opposite ones one of many."""
-    a, b = (v / np.linalg.norm(v) for v in (start, end))
+    """Return the rotation vector that takes a direction to another one, rad; of opposite ones one of many.
+    It is zero where there is no direction."""
+    a, b = _along(start), _along(end)
     axis, cosine = np.cross(a, b), float(a @ b)
     sine = float(np.linalg.norm(axis))
-    if sine < PARALLEL:
+    if sine < NOTHING:
         aside = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
         return np.pi * aside / np.linalg.norm(aside) if cosine < 0 else np.zeros(3)
     return np.arctan2(sine, cosine) * axis / sine
@@ -169,5 +176,5 @@ def _turn(start: Floats, end: Floats) -> Floats:
 
 def _rounded(lengths: Floats) -> list[float]:
     """Return lengths with DIGITS digits of the greatest of them."""
-    digits = DIGITS - 1 - floor(log10(np.abs(lengths).max()))
+    digits = DIGITS - 1 - floor(log10(max(np.abs(lengths).max(), NOTHING)))
     return (np.round(lengths, digits) + 0.0).tolist()

@@ -198,6 +198,24 @@ def test_what_a_refusal_proposes_is_not_refused(tmp_path, case):
         assert can_be_lit(solvable_system(problem.with_(**change)))
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"target.position": (0, 0, 60), "target.tilt": (0, 0, 0)},
+        FAR | {"target.tilt": (0, 0, 0)},
+        # eight times as far away the target would stand at the origin
+        {"element.M1.position": (0, 0, 80), "element.M1.tilt": (0, 0, 0), "target.half_width": (5, 5)}
+        | {"target.position": (0, 0, 70), "target.tilt": (0, 0, 0)},
+    ],
+    ids=["straight on", "far field straight on", "to the origin"],
+)
+def test_a_way_that_has_no_direction_or_length_is_not_proposed(tmp_path, changes):
+    """No mirror lets light go straight on."""
+    sentence = refusal(solvable_system, load_text(tmp_path, MIRROR).with_(**changes))
+    assert "of the light is asked for" in sentence
+    assert "element.M1.tilt" not in sentence
+
+
 def test_the_nearest_distance_is_the_least_that_serves(tmp_path):
     """The last pixel's centre lies at 200 (31 / 32) mm, the beam ends at 9.5 mm: it is arccos(1 / 1.5) aside
     from 165 mm.  The next of 64 steps up to the eightfold distance is 3.3 % farther, and has three digits."""
