@@ -24,6 +24,7 @@ from optics.scene.problem import (
 )
 from optics.scene.system import OpticalSystem, index_at, pose_of, solvable_system, source_of
 from thbcad.lens import Lens
+from thbcad.poses import Pose
 from thbcad.sags import Conic
 
 
@@ -58,6 +59,7 @@ def _index_at(optic: Optic, nm: float, own: float) -> float:
         return optic.known_index
 
 
+EDGE_ON = 1e-9  # of a cosine: light goes along a face
 ACROSS = 9  # points of a face each way, its corners among them
 LED = re.compile(r"led:(?P<size>[0-9.eE+-]+)mm(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
 LUMINAIRE = re.compile(r"(?P<file>.+\.(ies|ldt))(@(?P<distance>[0-9.eE+-]+)mm)?", re.IGNORECASE)
@@ -69,10 +71,11 @@ def other_source(words: str, problem: Problem) -> Source:
 
     "sun": a beam as wide as the problem's own, or else as the first face, with the sun's divergence.
     "led:1mm": a Lambertian square with sides of 1 mm where the problem's source is; "led:1mm@30mm": 30 mm
-    before the front vertex.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that file.  Another path: the
-    source of that problem file, as it is.
+    before the first face, on the axis of the own light.  "lamp.ies", "lamp.ldt@30mm": the luminaire of that
+    file.  Another path: the source of that problem file, as it is.
 
-    Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance.
+    Raises UserError : other words, or an LED or luminaire in the place of parallel light without a distance,
+        or at a distance from an element that the axis of the own light goes by.
     """
     own = problem.source
     same: dict[str, Any] = {"flux": problem.flux, "unit": own.unit, "wavelength": own.wavelength}
@@ -115,14 +118,11 @@ def _beam(problem: Problem) -> Source:
 
 
 def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
-    """Return where a lamp stands, by keys: so far before the first vertex that light meets, looking along
-    that element's axis, or in the place of the source."""
+    """Return where a lamp stands, by keys: so far before the first face, or in the place of the source."""
     own, first = problem.source, problem.faces_met[0].optic
-    if found["distance"] and isinstance(first, Placed):
-        before = np.array([[0.0], [0.0], [-_number(found, "distance")]])
-        return {"position": tuple(pose_of(first).points(before)[:, 0].tolist()), "tilt": first.tilt}
     if found["distance"]:
-        return {"distance": _number(found, "distance")}
+        distance = _number(found, "distance")
+        return _before(first, distance, problem) if isinstance(first, Placed) else {"distance": distance}
     if source_of(problem).beam or own.others or own.array:
         which = "several lights" if own.others or own.array else "parallel light, which has no place"
         raise UserError(f"the lens is made for {which}: say where the light is, {found[0]}@30mm")
@@ -131,6 +131,21 @@ def _place(found: re.Match[str], problem: Problem) -> dict[str, Any]:
         x, y, z = position or (0.0, 0.0, -own.distance)
         position = x + own.shift[0], y + own.shift[1], z
     return {"distance": own.distance, "position": position, "tilt": own.own_tilt}
+
+
+def _before(first: Optic, distance: float, problem: Problem) -> dict[str, Any]:
+    """Return where a lamp looks along the axis of the own light, so far before this meets the plane of an
+    element's vertex, by keys."""
+    tilt, pose = problem.source.own_tilt, pose_of(first)
+    along, normal = Pose.tilted(np.zeros(3), tilt).rotation[:, 2], pose.rotation[:, 2]
+    if along @ normal <= EDGE_ON:
+        raise UserError(
+            f"the axis of the own light does not meet {first.table} from before, so that it does not "
+            f"tell where {distance:g} mm are; give a problem file with the source"
+        )
+    aside = np.array(source_of(problem).middle) - pose.shift
+    met = pose.shift + (aside - along * (aside @ normal) / (along @ normal))
+    return {"position": tuple((met - distance * along).tolist()), "tilt": tilt}
 
 
 def _number(found: re.Match[str], name: str) -> float:

@@ -71,9 +71,9 @@ def test_files_of_one_element_say_whose_they_are(problem):
     ]
 
 
-def test_a_lamp_stands_before_the_first_element_on_its_axis(problem):
-    """Turned by 90 degrees about x it looks along -y."""
-    asked = load_problem(problem, {"element.A.position": [1.0, 2.0, 3.0], "element.A.tilt": [90.0, 0.0, 0.0]})
+def test_a_lamp_stands_before_the_first_element_on_the_axis_of_the_own_light(problem):
+    """The own light comes along z, and meets the plane z - 3 = y - 2 of the vertex at z = 1."""
+    asked = load_problem(problem, {"element.A.position": [1.0, 2.0, 3.0], "element.A.tilt": [45.0, 0.0, 0.0]})
     lamp = other_source("led:2mm@30mm", asked)
-    assert lamp.position == pytest.approx((1.0, 32.0, 3.0))
-    assert lamp.tilt == (90.0, 0.0, 0.0)
+    assert lamp.position == pytest.approx((0.0, 0.0, -29.0))
+    assert lamp.tilt == (0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ from optics.interface.relighting import other_source, relit
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, index_at, solvable_system
+from optics.scene.system import OpticalSystem, index_at, solvable_system, source_of
 from tests.cases import EXAMPLES, ROOT, slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
@@ -63,6 +63,30 @@ def test_a_lamp_stands_where_a_placed_source_was_with_all_of_its_flux(tmp_path):
     assert other_source("led:1mm@9mm", several).flux == 12.0
     with pytest.raises(UserError, match="made for several lights: say where the light is, led:1mm@30mm"):
         other_source("led:1mm", several)
+
+
+@pytest.mark.parametrize(
+    "turned", [{}, {"source.position": [0.0, 90.0, 0.0], "source.tilt": [90.0, 0.0, 0.0]}]
+)
+def test_a_lamp_before_a_mirror_stands_and_looks_as_the_own_light(turned):
+    """Both ways the axis of the light meets the mirror's plane y = z in the origin."""
+    problem = load_problem(EXAMPLES / "lamp_reflector.toml", turned)
+    away = 90 if turned else 100
+    led = other_source(f"led:1mm@{away}mm", problem)
+    assert led.position == pytest.approx(source_of(problem).middle, abs=1e-12)
+    assert led.tilt == problem.source.tilt
+
+
+def test_a_lamp_before_a_lens_on_the_axis_stands_so_far_before_its_vertex():
+    problem = load_problem(EXAMPLES / "two_elements.toml")
+    led = other_source("led:1mm@30mm", problem)
+    assert (led.position, led.tilt) == ((0.0, 0.0, -160.0 - 30.0), (0.0, 0.0, 0.0))
+
+
+def test_where_the_own_light_goes_by_an_element_its_axis_tells_no_place():
+    problem = load_problem(EXAMPLES / "lamp_reflector.toml", {"source.tilt": [-45.0, 0.0, 0.0]})
+    with pytest.raises(UserError, match=r"does not meet element\.M1 from before, .* 100 mm are; give a"):
+        other_source("led:1mm@100mm", problem)
 
 
 def test_every_lens_of_a_row_has_its_index_at_another_wavelength(monkeypatch):
