@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
-from optics.designing.optimisation import transmitted_flux
+from optics.designing.optimisation import first_fit, transmitted_flux
 from optics.designing.prediction.freedom_note import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart
@@ -55,22 +55,39 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     """Return the system with numbers for all that is left to the program, and its transport start if known.
 
     A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
-    to see (`seen_level`).
+    to see (`seen_level`).  A bound of the sags that the map on the meshes of the design does not keep to
+    becomes one that it keeps to, where the lens is thick enough.
 
     Raises UserError : no transport map tells the base lens, or the lens that it tells cannot be.
     """
-    if system.problem.optic.automatic:
+    asked, mapped = system.problem, system.problem.optimizer.start != "flat"
+    bounded = mapped and any(freeform.z_freedom == AUTO for freeform in system.freeforms)
+    if asked.optic.automatic:
         system = _with_base(system, backend)
-    if all(freeform.max_level != AUTO for freeform in system.freeforms):
+    levels = any(freeform.max_level == AUTO for freeform in system.freeforms)
+    if not levels and not bounded:
         return system, None
-    start = TransportStart(system, backend)
-    level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
+    start, level = TransportStart(system, backend), LEAST
+    if levels:
+        level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
+    levelled = _with_levels(system, level)
+    if bounded:
+        fits = first_fit(levelled, start), start.finest_fit()
+        if start.helped(*fits):
+            base = base_of(_based(system.problem))
+            system = solvable_system(_with_numbers(asked, base, start.freedom(*fits)), system.own)
+            start, levelled = TransportStart(system, backend), _with_levels(system, level)
+    return levelled, start
+
+
+def _with_levels(system: OpticalSystem, level: int) -> OpticalSystem:
+    """Return the system with a level where it is left to the program."""
     problem = system.problem
     for spec in problem.free_optics:
         front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
         rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
         problem = problem.with_optic(spec, front=front, rear=rear)
-    return replace(system, problem=problem), start
+    return replace(system, problem=problem)
 
 
 def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:

@@ -222,6 +222,12 @@ class TransportStart:
         """Whether the surface of the map would lose so much light that more of its sag does not help."""
         return self.lost(self._system) > STEEP
 
+    def helped(self, *fits: TransportFit) -> bool:
+        """Whether `freedom` takes the sags of some fits, and of `traced`, whole, and z_freedom does not."""
+        every = self._with_traced(fits)
+        wide = max(fit.asked for fit in every) > max(self._surface.half_width)
+        return not (all(map(self.within, every)) or self.steep() or self.overlap(*fits) >= 0 or wide)
+
     def note(self, *fits: TransportFit, remedies: Sequence[str] = ()) -> str:
         """Return a sentence on what helps where a design does not take the sags of some fits, or of `traced`,
         as they are, or "".

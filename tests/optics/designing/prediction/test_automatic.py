@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
+from optics.designing.optimisation import first_fit
 from optics.designing.prediction import resolved
+from optics.designing.prediction.freedom_note import freedom_note
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.keys import AUTO, problem_to_toml
@@ -125,6 +127,26 @@ def test_given_numbers_stay_and_the_bound_follows_them(tmp_path, backend):
         assert (rear.radius, rear.conic) == (radius, -1.0)
         bounds.append(rear.freeform.z_freedom)
     assert bounds[1] == pytest.approx(bounds[0] / 2, rel=0.15)
+
+
+PLANE = {"lens.rear.radius": np.inf, "lens.rear.conic": -1.0, "lens.thickness": 2.0}
+CONE = {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 20.0}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        PLANE,  # 1.05 times the sag of the map is more than its two digits
+        PLANE | CONE | {"target.half_width": [30.0, 30.0]},  # the first mesh asks for half as much again
+        PLANE | CONE | {"target.half_width": [30.0, 30.0], "lens.rear.freeform.max_level": AUTO},
+    ],
+    ids=["parallel", "cone", "levels"],
+)
+def test_nobody_is_told_to_raise_a_bound_that_the_program_chose(tmp_path, backend, changes):
+    system, start = resolved(small_system(tmp_path, BASE | changes), backend)
+    fits = [first_fit(system, start), start.finest_fit()]
+    assert freedom_note(system, backend, start, fits) == ""
+    assert TransportStart(system, backend).within(fits[0])
 
 
 def test_a_thin_lens_keeps_its_thickness(tmp_path, backend):
