@@ -1,7 +1,6 @@
 """The one place that loads Mitsuba: its version, its LLVM library and its variant."""
 
 import sys
-from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -14,7 +13,7 @@ from optics.base.runtime import (
     load_llvm,
     usable_cores,
 )
-from thbcad.doors import pip_command
+from thbcad.doors import loaded, pip_command
 
 VERSION = "3.9."  # 3.10 changes the Mesh class
 DEVICE = "_".join(ARRAY_TYPES.split(".")[1:])  # how variants of Dr.Jit's device begin
@@ -32,6 +31,7 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
     threads : of all Dr.Jit kernels, 0 for all cores.
 
     Raises UserError : no Mitsuba 3.9, no usable LLVM library, a variant that does not run on LLVM.
+    Raises MissingPackage : no Dr.Jit.
     """
     if variant not in VARIANTS:
         raise UserError(f"variant must be one of {', '.join(VARIANTS)}, got {variant!r}")
@@ -39,14 +39,14 @@ def load_mitsuba(variant: str = MONO, threads: int = 0) -> ModuleType:
         raise UserError(f"Mitsuba is not installed; {pip_command('mitsuba')}")
     load_llvm()
     with interrupts_later():
-        mitsuba = import_module("mitsuba")
+        mitsuba = loaded("mitsuba")
     if not mitsuba.__version__.startswith(VERSION):
         raise UserError(
             f"Mitsuba {mitsuba.__version__} was found, but {VERSION}x is wanted; {pip_command('mitsuba')}"
         )
     with interrupts_later():
         mitsuba.set_variant(variant)
-    import_module("drjit").set_thread_count(threads or usable_cores())
+    loaded("drjit").set_thread_count(threads or usable_cores())
     return mitsuba
 
 
@@ -72,4 +72,4 @@ def current_mitsuba() -> ModuleType:
 def mitsuba_backend(mitsuba: ModuleType, precision: str = "double") -> Backend:
     """Return the Backend whose arrays go together with Mitsuba's; the number of threads stays as it is."""
     name, dtype, resolution = PRECISIONS[precision]
-    return Backend(import_module("drjit"), getattr(mitsuba, name), mitsuba.UInt32, dtype, resolution)
+    return Backend(loaded("drjit"), getattr(mitsuba, name), mitsuba.UInt32, dtype, resolution)

@@ -22,7 +22,7 @@ from optics.light.outgoing import (
     outgoing_intensity,
     outgoing_rays,
 )
-from optics.scene.luminaires import LUMINAIRE_WRITERS, Luminaire, read_luminaire
+from optics.scene.luminaires import Luminaire, luminaire_writer, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
 from optics.scene.system import OpticalSystem, require_lens_on_axis
@@ -74,9 +74,10 @@ def intensity_of_light(options: Namespace) -> Outcome:
     """
     out = Path(options.out)
     require_free_files([out], options.out, options.force)
+    write = luminaire_writer(out.suffix.lower())
     system, lens = traceable(options)
     light = traced_intensity(system, lens, options)
-    LUMINAIRE_WRITERS[out.suffix.lower()](light.luminaire, out, system.problem.title)
+    write(light.luminaire, out, system.problem.title)
     read, peak = read_luminaire(out), float(light.luminaire.candela.max())
     units = system.units
     off = float(abs(read.candela - light.luminaire.candela).max()) / peak

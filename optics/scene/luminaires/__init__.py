@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     )
     from optics.scene.luminaires.intensity_sums import IntensityGrid
     from optics.scene.luminaires.luminaire_files import (
-        LUMINAIRE_WRITERS,
+        luminaire_writer,
         read_luminaire as read_luminaire,
         write_ies as write_ies,
         write_ldt,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from math import floor, log10
+from types import ModuleType
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from optics.base.runtime import UserError
 from optics.scene.luminaires.file_numbers import MOST_ANGLES, FileNumbers
 from optics.scene.luminaires.intensity_record import Luminaire, Opening
 from optics.scene.luminaires.plane_symmetry import full_turn
+from thbcad.doors import loaded
 
 TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
@@ -97,17 +99,23 @@ def _read(tilt: str, later: bool, text: str) -> Luminaire:
     )
 
 
+def writing_package() -> ModuleType:
+    """Return the package that writes.
+
+    Raises MissingPackage : it, or what it needs, is not installed.
+    """
+    return loaded("photompy")
+
+
 def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
     """Return the bytes of a LM-63-2019 file: absolute photometry of type C over the grid of the luminaire.
 
     Numbers are decimals without an exponent, of at least 13 digits at the peak.
     """
-    from photompy import create_ies
-
     digits = max(0, LEAST_PEAK - floor(log10(luminaire.candela.max())))
     scale = 10.0**-digits
     length, width = (-size if luminaire.opening.round else size for size in luminaire.opening.size)
-    file = create_ies(
+    file = writing_package().create_ies(
         thetas=luminaire.gammas,
         phis=luminaire.planes,
         values=luminaire.candela / scale,

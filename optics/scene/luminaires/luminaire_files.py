@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.base.runtime import UserError, read_at_most
 from optics.scene.luminaires.eulumdat_text import ldt_bytes, luminaire_of_ldt
-from optics.scene.luminaires.ies_text import TILT, ies_bytes, luminaire_of_ies
+from optics.scene.luminaires.ies_text import TILT, ies_bytes, luminaire_of_ies, writing_package
 from optics.scene.luminaires.intensity_record import Luminaire
 from thbcad.io import write_bytes
 
@@ -51,7 +51,12 @@ def write_ldt(luminaire: Luminaire, path: str | Path, title: str = TITLE) -> Non
     write_bytes(path, ldt_bytes(luminaire, title))
 
 
-LUMINAIRE_WRITERS: dict[str, Callable[[Luminaire, str | Path, str], None]] = {  # by the suffix
-    ".ies": write_ies,
-    ".ldt": write_ldt,
-}
+def luminaire_writer(suffix: str) -> Callable[[Luminaire, str | Path, str], None]:
+    """Return what writes files of a suffix, ".ies" or ".ldt".
+
+    Raises MissingPackage : a package that writes them is not installed.
+    """
+    if suffix == ".ldt":
+        return write_ldt
+    writing_package()
+    return write_ies

@@ -55,7 +55,7 @@ def test_missing_mitsuba_is_one_sentence(monkeypatch):
 
 
 def test_another_version_is_refused(monkeypatch):
-    monkeypatch.setattr(mitsuba_loading, "import_module", lambda name: SimpleNamespace(__version__="3.10.0"))
+    monkeypatch.setattr(mitsuba_loading, "loaded", lambda name: SimpleNamespace(__version__="3.10.0"))
     with pytest.raises(UserError, match=r"Mitsuba 3\.10\.0 was found, but 3\.9\.x is wanted"):
         load_mitsuba()
 
