@@ -103,6 +103,7 @@ class TransportStart:
                 backend, path, path.shaped, system.source, picture, (nx, ny), finest, rounds
             )
         self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
+        self._fits: dict[tuple[bytes, bytes, bytes], TransportFit] = {}
 
     @cached_property
     def traced(self) -> TransportFit | None:
@@ -114,11 +115,17 @@ class TransportStart:
         return self.fit(self._lens.sags[-1].space.uniform(level))
 
     def fit(self, space: THBSpace) -> TransportFit:
-        """Return the sag in a THB space over x, y in mm.
+        """Return the sag in a THB space over x, y in mm; of one mesh it is made once.
 
         Coefficients beyond z_freedom are cut off there; the others still send their light where it belongs.
         A sag that then crosses the front is scaled down.  It moves the light a part of the distance.
         """
+        mesh = space.kv_u.knots.tobytes(), space.kv_v.knots.tobytes(), space.functions.tobytes()
+        if mesh not in self._fits:
+            self._fits[mesh] = self._fitted(space)
+        return self._fits[mesh]
+
+    def _fitted(self, space: THBSpace) -> TransportFit:
         light, (zx, zy) = self._light, self._slopes
         sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
         seen = seen_functions(space, light.x, light.y)

@@ -136,12 +136,11 @@ class Target:
     crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
     regulation: str = option("", choices=("", *REGULATIONS), note="its table, as zones before those below")
     zone: tuple[Zone, ...] = option((), note="limits of the light at places; any number of them")
-    aperture: float | str = option(
-        "auto",
-        above=0,
+    aperture: float = option(
+        0.0,
+        low=0,
         high=FARTHEST,
-        note="degrees (mm), width over which zones are read; auto: 0.15 degrees, or a pixel",
-        auto=True,
+        note="degrees (mm), width over which zones are read; 0: 0.15 degrees, on other targets a pixel",
     )
 
     data: ClassVar[str] = "image"  # the key of the file that the target is read from, where it names one

@@ -156,8 +156,7 @@ class LightTarget:
     @property
     def aperture(self) -> float:
         """Over which zones are read, degrees or mm; 0 is a pixel."""
-        asked = self.settings.aperture
-        return asked if not isinstance(asked, str) else APERTURE if self.far_field else 0.0
+        return self.settings.aperture or (APERTURE if self.far_field else 0.0)
 
     @property
     def zone_screen(self) -> Screen:
