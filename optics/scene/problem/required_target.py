@@ -8,6 +8,7 @@ from math import inf, isinf, pi
 from optics.base.runtime import UserError
 from optics.scene.problem.target_schema import StopSpec, Target, Zone
 
+MOST_APERTURES = 2048  # across a target: zones are read in light that is measured on finer pixels
 LEAST_CORNERS = {"points": 1, "box": 2, "line": 2, "polygon": 3, "whole": 0}
 
 
@@ -31,6 +32,12 @@ def require_target(target: Target) -> None:
         raise UserError('target.kind = "zones" needs a [[target.zone]] or target.regulation; add one')
     for name, zone in target.zones:
         _require_zone(name, zone, target)
+    least = 2 * max(target.half_width) / MOST_APERTURES
+    if target.zones and 0 < target.aperture < least:
+        raise UserError(
+            f"target.aperture = {target.aperture:g} is read on too many pixels; it must be at least "
+            f"{least:.3g}, or target.half_width smaller"
+        )
 
 
 def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:

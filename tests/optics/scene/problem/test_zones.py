@@ -47,6 +47,10 @@ OTHERS = {
         {"target.regulation": "FMVSS 108 UB2", "target.half_width": [10.0, 8.0]},
         r"FMVSS 108 UB2: \(-12, 0\) lies outside the target",
     ),
+    "fine": (
+        {"target.zone": [POINT], "target.aperture": 1e-3},
+        r"target.aperture = 0.001 is read on too many pixels; it must be at least 0.0\d+",
+    ),
     "none": ({"target.kind": "zones"}, r"needs a \[\[target.zone\]\] or target.regulation; add one"),
 }
 
