@@ -58,6 +58,7 @@ class DaskCluster:
             distributed.KilledWorker,
             CancelledError,
             asyncio.CancelledError,
+            OSError,  # of a connection: what a task raises is a sentence of its answer
             UnpreparedError,
         )
         self._scheduler, self._workers = scheduler, dict[str, Worker]()
