@@ -13,13 +13,12 @@ from PIL import Image
 from optics.base.runtime import UserError
 from optics.exchange.results import ResultFolder, ResultWriter, write_checkpoint
 from optics.exchange.results.folder_lock import run_lock
-from optics.exchange.results.identity import _set_keys, run_id
 from optics.exchange.results.owned_files import sha256_of
 from optics.exchange.results.result_files import FILES
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from tests.cases import ROOT
-from tests.optics.cases import picture, store_result, write_problem
+from tests.optics.cases import picture, store_result
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
 from tests.optics.scene.problem.cases import ROW, load_text
 from thbcad.io import lens_to_dict, read_lens, write_lens
@@ -112,15 +111,6 @@ def test_the_run_id_tells_problems_and_lenses_apart_but_not_folders(tmp_path, fo
     assert mine != run_of(tmp_path / "c", other(problem_file, {"run.seed": 1}), lens)
     thicker = type(lens)(lens.front, lens.rear, np.nextafter(lens.thickness, 10.0), lens.index)
     assert mine != run_of(tmp_path / "d", problem, thicker)
-
-
-def test_keys_that_came_later_leave_the_run_id_as_it_was(problem):
-    """The hash is that of the version before `source.unit`."""
-    problem = problem.with_(**{"verify.rays": 33})
-    lens = OpticalSystem(problem).lens
-    assert run_id(problem, lens) == "1ca1a9730572330eb49721c6fad71e922a5425bceb900ba9ab7b2d9a9c657a64"
-    assert run_id(problem.with_(**{"source.unit": "W"}), lens) == run_id(problem, lens)
-    assert run_id(problem.with_(**{"source.unit": "lm"}), lens) != run_id(problem, lens)
 
 
 def test_comments_and_line_ends_of_the_problem_change_nothing(folder):
@@ -424,24 +414,6 @@ def test_a_folder_in_the_way_is_named(tmp_path, problem, name):
     (folder.path / name).mkdir(parents=True)
     with pytest.raises(UserError, match=f"cannot write .*{name}: it is a folder"):
         taken(folder, problem, force=True)
-
-
-def test_a_problem_written_twice_differs_in_nothing(problem, tmp_path):
-    again = load_problem(write_problem(tmp_path, {"run.threads": 3}))
-    from optics.exchange.results.identity import differing_keys
-
-    assert list(differing_keys(problem, again)) == []
-
-
-def test_keys_of_materials_at_their_defaults_change_no_run_id(tmp_path):
-    """Nor does a material that is a label: the lens keeps its index."""
-    problem = load_problem(write_problem(tmp_path))
-    lens = OpticalSystem(problem).lens
-    keys = ("lens.indices", "lens.absorptions", "source.spectrum")
-    named = problem.with_(**dict.fromkeys(keys, ()), **{"lens.absorption": 0})
-    assert run_id(named, OpticalSystem(named).lens) == run_id(problem, lens)
-    text = _set_keys(problem)
-    assert not any(key in text for key in (*keys, "lens.absorption"))
 
 
 def test_what_lies_in_the_place_of_the_figures_folder_is_named(folder, problem):
