@@ -172,9 +172,12 @@ class Target:
     @property
     def gentler(self) -> str:
         """What lets light be bent less, in words."""
-        farther = (
-            "target.distance larger" if self.position is None else "move target.position nearer the axis"
-        )
+        if self.far_field:
+            farther = "turn target.tilt nearer the axis"
+        elif self.position is None:
+            farther = "target.distance larger"
+        else:
+            farther = "move target.position nearer the axis"
         return f"make target.half_width smaller or {farther}"
 
     @property

@@ -270,7 +270,7 @@ def _too_far(system: OpticalSystem, points: Floats, share: Floats) -> str:
     rear can send it.  share : of the light, (n,)."""
     lens, (x, y, z) = system.problem.optic, points
     beam = [min(s, f) for s, f in zip(system.problem.source.half_width, lens.front.half_width)]
-    aside = np.max([np.maximum(np.abs(a) - b, 0) for a, b in zip((x, y), beam)], axis=0)
+    aside = np.hypot(*(np.maximum(np.abs(a) - b, 0) for a, b in zip((x, y), beam)))
     needed = np.degrees(np.arctan2(aside, z - lens.thickness))
     most = np.degrees(np.arccos(1 / lens.known_index))
     if needed.max() < most:

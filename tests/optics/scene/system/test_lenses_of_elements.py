@@ -189,6 +189,16 @@ def test_a_target_beyond_the_greatest_deflection_is_refused_for_a_beam_behind_a_
         require_reachable(OpticalSystem(problem))
 
 
+def test_the_corner_of_a_square_lies_farther_aside_than_its_sides(tmp_path):
+    """43.1 degrees in x and in y are 52.9 aside; a far field comes no nearer by a larger distance."""
+    far = {"target.distance": math.inf, "target.half_width": [44.0, 44.0]}
+    with pytest.raises(UserError, match=r"52\.9 degrees aside .* turn target\.tilt nearer") as refused:
+        require_reachable(OpticalSystem(loaded(tmp_path, far)))
+    proposed = float(re.search(r"half_width=\[([\d.]+)", str(refused.value))[1])
+    assert 36 < proposed < 40
+    require_reachable(OpticalSystem(loaded(tmp_path, far | {"target.half_width": [proposed] * 2})))
+
+
 def test_a_target_of_many_pixels_is_judged_by_merged_ones(tmp_path, monkeypatch):
     """12 x 12 in place of 48 x 48: within the part of the light that lies in a pixel at the edge."""
 
@@ -210,7 +220,7 @@ def test_a_target_of_many_pixels_is_judged_by_merged_ones(tmp_path, monkeypatch)
         LAMBERTIAN,
         POINT,
         {"lens.front.radius": 60.0},
-        {"target.distance": math.inf, "target.half_width": [40.0, 40.0]},
+        {"target.distance": math.inf, "target.half_width": [36.0, 36.0]},
     ],
     ids=["lambertian", "point", "curved front", "far field"],
 )
