@@ -122,8 +122,9 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
 def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
     shifts = expected.sensitivity
     whose = f"the {system.problem.optic.noun}" if system.source.beam else "the source"
+    indices = "every index" if _glasses(system) > 1 else "index"
     by_index = [
-        f"{INDEX:g} of index shifts the light by {_shift(system, expected, shifts.index)} on average, "
+        f"{INDEX:g} of {indices} shifts the light by {_shift(system, expected, shifts.index)} on average, "
         f"by {_length(system, shifts.index_most)} at most",
         *_dispersion_lines(system, expected),
     ]
@@ -137,10 +138,10 @@ def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str
 
 
 def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
-    """Return what the catalogue's uncertainty and the light's colours do, to first order in the index."""
-    per_index, material, lines = expected.sensitivity.index / INDEX, system.material, []
+    """Return what the catalogue's uncertainty does, to first order in the index, and what the colours do."""
+    shifts, material, lines = expected.sensitivity, system.material, []
     if material is not None and material.accuracy is not None:
-        size = _shift(system, expected, per_index * material.accuracy)
+        size = _shift(system, expected, shifts.grade / INDEX * material.accuracy)
         lines.append(
             f"{material.name}: another grade or melt may differ by {material.accuracy:g} in index, "
             f"which shifts the light by {size} on average"
@@ -148,12 +149,18 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     if len(system.wavelengths) > 1:
         blue, *_, red = system.wavelengths
         falls = max((b.index - r.index for b, r in zip(blue.media, red.media)), key=abs)
-        size = _shift(system, expected, per_index * abs(falls))
+        size = _shift(system, expected, shifts.colours)
+        falling = "indices fall by up to" if _glasses(system) > 1 else "the index falls by"
         lines.append(
-            f"from {blue.nm:.0f} to {red.nm:.0f} nm the index falls by {falls:.4f}, "
+            f"from {blue.nm:.0f} to {red.nm:.0f} nm {falling} {falls:.4f}, "
             f"which shifts the light by {size} on average"
         )
     return lines
+
+
+def _glasses(system: OpticalSystem) -> int:
+    """Return how many lenses light goes through."""
+    return len({face.optic.table for face in system.problem.faces_met if face.into_glass})
 
 
 def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:

@@ -1,8 +1,8 @@
 """How far small errors of making and mounting move the light.
 
-Index and ripple are those of rays, traced with the error and without.  Light without extent stands for that
-of a source with extent: the light of the point in its middle.  A decentre d moves what each point of the
-shaped surface sends, and so details of the light, by
+Index, grade, colours and ripple are those of rays, traced with the error and without.  Light without extent
+stands for that of a source with extent: the light of the point in its middle.  A decentre d moves what each
+point of the shaped surface sends, and so details of the light, by
 
     D d / s    of a source at the optical distance s before the shaped surface, with the throw D behind it,
     d          of a lens in parallel light, with which the light moves.
@@ -12,6 +12,7 @@ In the far field D is 1, and the result is in degrees.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, inf, pi
 
@@ -35,13 +36,16 @@ RAYS = (61, 59)
 class Sensitivity:
     """Shifts of the light on the target, mm, in the far field degrees: means by flux.
 
-    index, index_most : by INDEX, mean and greatest; 0 of a mirror.  ripple : by a slope as steep as that of
-    RIPPLE with the period PERIOD, in the worse of two directions.  decentre : by DECENTRE of the source
-    against the lens.  inf : no light arrives both ways.
+    index, index_most : by INDEX in every lens, mean and greatest; 0 of a mirror.  grade : by INDEX in the
+    lens that is designed alone.  colours : between the outermost lines of the spectrum, by all lenses.
+    ripple : by a slope as steep as that of RIPPLE with the period PERIOD, in the worse of two directions.
+    decentre : by DECENTRE of the source against the lens.  inf : no light arrives both ways.
     """
 
     index: float
     index_most: float
+    grade: float
+    colours: float
     ripple: float
     decentre: float
 
@@ -51,16 +55,17 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
     path, rays = system.path(lens), system.source.without_extent().rays(RAYS)
     landed = _landed(backend, path, rays)
 
-    def shifts(other: LightPath) -> tuple[float, float]:
+    def shifts(other: LightPath, first: LightPath = path) -> tuple[float, float]:
         """Return the mean and the greatest shift of rays that arrive by both paths."""
-        if other is path:
+        if other is first:
             return 0.0, 0.0
+        before, weight = landed if first is path else _landed(backend, first, rays)
         points, flux = _landed(backend, other, rays)
-        both = (flux > 0) & (landed[1] > 0)
+        both = (flux > 0) & (weight > 0)
         if not both.any():
             return inf, inf
-        shift = np.hypot(*(points - landed[0])[:, both])
-        return float(np.average(shift, weights=landed[1][both])), float(shift.max())
+        shift = np.hypot(*(points - before)[:, both])
+        return float(np.average(shift, weights=weight[both])), float(shift.max())
 
     def rippled(along: tuple[float, float]) -> float:
         """Return the mean shift by ripple that is steep along x or y."""
@@ -68,9 +73,19 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
         errors[path.shaped] = 2 * pi * RIPPLE / PERIOD * np.array(along)[:, None]
         return shifts(path.with_slope_errors(errors))[0]
 
-    index = shifts(path.in_media(m if m == AIR else replace(m, index=m.index + INDEX) for m in path.media))
+    def denser(of: Sequence[bool]) -> LightPath:
+        """Return the path with a greater index of those media behind a face that are named, and are glass."""
+        return path.in_media(
+            replace(m, index=m.index + INDEX) if some and m != AIR else m for some, m in zip(of, path.media)
+        )
+
+    index = shifts(denser([True] * len(path.media)))
+    own = [False, *(face.optic is system.problem.optic for face in system.problem.faces_met)]
+    grade = index if all(own[1:]) else shifts(denser(own))
+    blue, red = (path.in_media(system.wavelengths[k].media) for k in (0, -1))
+    colours = shifts(blue, red)
     ripple = max(rippled((1.0, 0.0)), rippled((0.0, 1.0)))
-    return Sensitivity(*index, ripple, _decentre(system, path))
+    return Sensitivity(*index, grade[0], colours[0], ripple, _decentre(system, path))
 
 
 def _decentre(system: OpticalSystem, path: LightPath) -> float:
