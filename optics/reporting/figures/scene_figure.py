@@ -74,7 +74,9 @@ def solid_views(solid: Made, sides: tuple[str, str] = LENS) -> bytes:
             _names(axes, faces, turn, names)
         else:
             _dimensions(axes, boxes[name], half_size, height=name != SIDE)
-    figure.text(0.5, 0.01, _text(lens_of(solid), steeper, names), fontsize=9, ha="center")
+    text = _text(lens_of(solid), steeper, names)
+    size = min(9.0, 9.0 * LETTERS / max(map(len, text.split("\n"))))
+    figure.text(0.5, 0.01, text, fontsize=size, ha="center")
     return png_bytes(figure)
 
 

@@ -142,3 +142,10 @@ def test_no_paper_shines_through(name):
         for white, drawn in zip((view[rows] > 250).all(axis=2), glass(view[rows])):
             first, last = np.nonzero(drawn)[0][[0, -1]]
             assert not white[first:last].any()
+
+
+def test_long_words_under_the_picture_keep_within_it():
+    corners = [FreeformSurface((a, b), corners=(a / 4.4, b / 4.8)) for a, b in ((20.0, 22.0), (22.0, 24.0))]
+    under = picture(lens(*corners, thickness=6.0))[890:].min(axis=(0, 2))
+    assert under.min() < 100
+    assert min(under[:5].min(), under[-5:].min()) > 250
