@@ -114,8 +114,13 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics)]:
         notes(sentence)
     if not metrics["efficiency"]:
-        notes(
-            "no light reaches the target; raise optimizer.lost_flux_weight, "
-            "or make the target larger or nearer to the beam"
-        )
+        notes(f"no light reaches the target; {_towards_light(metrics[system.units.key('fates')])}")
     return replace(measurement, metrics=metrics)
+
+
+def _towards_light(fates: Mapping[str, float]) -> str:
+    """Return what helps where no light arrives.  fates : the flux of each."""
+    blocked = sum(flux for name, flux in fates.items() if name.endswith("blocked"))
+    if blocked > 0.5 * sum(map(abs, fates.values())):
+        return "`thbcad check` names what blocks it: move that out of its way"
+    return "raise optimizer.lost_flux_weight, or make the target larger or nearer to the beam"

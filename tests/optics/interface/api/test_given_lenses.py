@@ -119,3 +119,23 @@ def test_a_design_of_a_system_for_scripts_names_what_makes_one(tmp_path):
     problem = load_problem(write_problem(tmp_path))
     with pytest.raises(optics.UserError, match=r"got System; optics.Design.of_lens\(problem, lens\) makes"):
         optics.Design(problem, optics.System(problem), small_lens())
+
+
+@pytest.mark.parametrize(
+    ("changes", "help"),
+    [
+        (
+            {"stop": [{"shape": "rectangle", "half_width": [20, 20], "position": [0, 0, -1], "hole": False}]},
+            "blocks",
+        ),
+        (
+            {"target.distance": False, "target.position": [120.0, 0.0, 150.0]},
+            "make the target larger or nearer",
+        ),
+    ],
+)
+def test_where_no_light_arrives_it_is_said_what_helps(tmp_path, changes, help):
+    design = optics.Design.of_lens(load_problem(write_problem(tmp_path, FEW)).with_(**changes), small_lens())
+    assert design.metrics["efficiency"] == 0
+    (said,) = (note for note in design.notes if note.startswith("no light reaches the target; "))
+    assert help in said
