@@ -227,4 +227,6 @@ def dark_note(metrics: dict[str, Any]) -> list[str]:
 def counted_ways(metrics: dict[str, Any]) -> str:
     """Return in words which light the metrics and the irradiance of a Measurement count."""
     alone = "the face only" if "element" in metrics else "front and rear only"
+    if "row_transmittance" in metrics:
+        alone = "the faces of the path only"
     return "all paths" if metrics["paths"] == "all" else alone

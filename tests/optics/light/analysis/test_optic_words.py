@@ -2,7 +2,7 @@
 
 import pytest
 
-from optics.light.analysis import passing_share, passing_words
+from optics.light.analysis import counted_ways, passing_share, passing_words
 from optics.scene.paths import AIR, LightPath, Surface
 from optics.scene.receivers import receiver_at
 from tests.optics.cases import example_system, small_system
@@ -41,3 +41,9 @@ def test_two_mirrors_are_no_lens():
 def test_a_row_passes_what_all_its_faces_do(example, words):
     system = example_system(example)
     assert passing_words(passing_share(system.path(system.lens))) == words
+
+
+def test_the_faces_that_count_are_those_of_the_whole_path():
+    mirror = {"element": "mirror", "paths": "sequential"}
+    assert counted_ways(mirror) == "the face only"
+    assert counted_ways(mirror | {"row_transmittance": 0.8}) == "the faces of the path only"
