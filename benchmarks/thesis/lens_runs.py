@@ -19,8 +19,7 @@ from scipy.ndimage import binary_dilation
 import optics
 from optics.interface.api import Model, System
 from optics.light.analysis import Measurement
-from thbcad import Lens, Samples, THBSurface, least_squares
-from thbcad.hierarchy import THBSpace
+from thbcad import Lens, THBSurface
 from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
@@ -141,8 +140,8 @@ def sag_figures(sag: THBSurface) -> dict[str, float]:
     bending = second[0] ** 2 + 2 * second[1] ** 2 + second[2] ** 2
     half_width = (sag.space.kv_u.stop - sag.space.kv_u.start) / 2
     values = sag.grid(u, v)
-    coarse = least_squares(_coarse(sag.space), Samples.grid(u, v, values))
-    rest = values - coarse.grid(u, v)
+    left, right = _projector(sag.space.kv_u, u), _projector(sag.space.kv_v, v)
+    rest = values - left @ values @ right.T
     return {
         "dof": float(sag.space.dim),
         "roughness": float(np.sqrt(bending.mean()) * half_width),
@@ -150,9 +149,8 @@ def sag_figures(sag: THBSurface) -> dict[str, float]:
     }
 
 
-def _coarse(space: THBSpace) -> THBSpace:
-    degree = space.kv_u.degree
-    spans = COARSE - degree
-    return THBSpace(
-        *(KnotVector.uniform(degree, spans, kv.start, kv.stop) for kv in (space.kv_u, space.kv_v))
-    )
+def _projector(kv: KnotVector, u: Floats) -> Floats:
+    """Return the matrix that takes samples at u to those of their least-squares fit by COARSE functions."""
+    coarse = KnotVector.uniform(kv.degree, COARSE - kv.degree, kv.start, kv.stop)
+    basis = np.linalg.qr(coarse.collocation(u).toarray()).Q
+    return basis @ basis.T

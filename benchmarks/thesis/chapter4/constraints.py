@@ -23,7 +23,7 @@ TITLE = "Constraints"
 Floats = NDArray[np.float64]
 Valued = Callable[[Floats], tuple[float, Floats]]
 
-EVALUATIONS = {True: 100, False: 300}
+EVALUATIONS = {True: 60, False: 300}
 PART = 0.5  # of the greatest coefficient of the free optimum: a bound that binds
 AT_BOUND = 0.99  # of the bound
 NEAR = 1.1  # times the final loss

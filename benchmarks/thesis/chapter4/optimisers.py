@@ -23,8 +23,8 @@ TITLE = "Optimisers"
 
 Floats = NDArray[np.float64]
 
-EVALUATIONS = {True: 200, False: 1000}
-TRIALS = {True: 40, False: 100}  # evaluations of every step of the scan
+EVALUATIONS = {True: 100, False: 1000}
+TRIALS = {True: 25, False: 100}  # evaluations of every step of the scan
 SMALL, LARGE = (-5, -4, -3, -2, -1, 0), (-3, -2, -1, 0, 1, 2)  # decades of steps
 LAST = 0.01  # of the first step: where the decaying step ends
 SEED = 2

@@ -20,8 +20,8 @@ from thbcad import THBSpace
 Floats = NDArray[np.float64]
 Loss = Callable[[Floats], tuple[float, Floats]]
 
-PIXELS = {True: 128, False: 256}
-RAYS = {True: 257, False: 513}  # in each direction
+PIXELS = {True: 64, False: 256}
+RAYS = {True: 129, False: 513}  # in each direction
 LEVEL = {True: 0, False: 2}  # 5 and 20 spans: 10 x 10 and 25 x 25 control points
 
 

@@ -54,11 +54,11 @@ FULL = Size(
 )
 QUICK = Size(
     nets=(10, 25, 50),
-    pixels=96,
-    rays=169,
-    iterations={"top hat": 150, "pearl": 150},
-    longest={"top hat": 600, "pearl": 600},
-    newton=60,
+    pixels=64,
+    rays=113,
+    iterations={"top hat": 80, "pearl": 80},
+    longest={"top hat": 240, "pearl": 240},
+    newton=40,
     controlled=("top hat",),
 )
 

@@ -41,7 +41,7 @@ class Size:
 
 
 FULL = Size(net=24, pixels=128, rays=161, iterations=1000, seeds=5, newton=200)
-QUICK = Size(net=12, pixels=64, rays=81, iterations=200, seeds=2, newton=60)
+QUICK = Size(net=12, pixels=48, rays=65, iterations=100, seeds=2, newton=40)
 
 
 @dataclass(frozen=True)

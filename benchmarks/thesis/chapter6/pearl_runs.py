@@ -38,8 +38,10 @@ SCANNED = {  # first step and ratio
     "step 0.01": (0.01, 0.5),
     "step 0.1, constant": (0.1, 1.0),
 }
-SMALL = 128  # pixels of the scan, and of the quick set
+SMALL = 128  # pixels of the scan
 SMALLER = {"rays": (RAYS[0] // 2 + 1,) * 2, "vertices": VERTICES // 2 + 1}
+SMALLEST = 64  # pixels of the quick set
+LEAST = {"rays": (RAYS[0] // 4 + 1,) * 2, "vertices": VERTICES // 4 + 1}
 # fractions of the picture from above and from the left: the dark wedge between chin and dress
 GAP_ROWS, GAP_COLUMNS = (0.64, 0.76), (0.36, 0.44)
 INNER = 0.6  # of the beam's width: its inner part, without what its rim sheds
@@ -61,7 +63,7 @@ def _full() -> tuple[Plan, int]:
 
 
 def _quick() -> tuple[Plan, int]:
-    return replace(_full()[0], steps=_steps(FIRST, FALL, 4), iterations=30, **SMALLER), SMALL
+    return replace(_full()[0], steps=_steps(FIRST, FALL, 4), iterations=30, **LEAST), SMALLEST
 
 
 def _steps(first: float, fall: float, count: int) -> tuple[float, ...]:
@@ -87,7 +89,7 @@ def _of_the_thesis(size: tuple[Plan, int]) -> Iterator[Run]:
 def _batches(
     name: str, pixels: int, plan: Plan, check: tuple[int, int] | None = None, pictures: bool = True
 ) -> Found:
-    return recorded(optics.System(_problem(name, pixels)), plan, check, _lost, pictures)
+    return recorded(optics.System(_problem(name, pixels)), plan, check, _lost, pictures, each=pictures)
 
 
 def _beside(thb: Found, found: Found) -> Found:
@@ -135,15 +137,17 @@ def _lost(lens: Lens, found: Measurement) -> Found:
 
 def _scan(size: tuple[Plan, int]) -> Iterator[Run]:
     """Yield short runs of other steps, all on few pixels."""
-    plan = replace(size[0], iterations=min(80, size[0].iterations), **SMALLER)
+    plan, pixels = size
+    if pixels > SMALL:
+        plan, pixels = replace(plan, iterations=80, **SMALLER), SMALL
     for name, (first, fall) in SCANNED.items():
-        chosen = replace(plan, steps=_steps(first, fall, min(4, len(size[0].steps) - 1)))
-        yield Run(name, lambda _, p=chosen: _batches("thesis/pearl", SMALL, p, pictures=False))
+        chosen = replace(plan, steps=_steps(first, fall, min(4, len(plan.steps) - 1)))
+        yield Run(name, lambda _, p=chosen: _batches("thesis/pearl", pixels, p, pictures=False))
 
 
 def _own(quick: bool) -> Iterator[Run]:
     """Yield designs by the project's own method: three problems, and meshes of one of them."""
-    pixels, last = (SMALL, 2) if quick else (256, 5)
+    pixels, last = (SMALLEST, 2) if quick else (256, 5)
 
     def problem(name: str, level: int = last) -> optics.Problem:
         keys = {"lens.rear.freeform.max_level": level, "optimizer.window": "cells"}
