@@ -29,9 +29,6 @@ MOST_PIXELS = 2048
 # pixels to a knot span of the finest mesh, from which on it and not the picture limits the light of textures
 # (pearl, 128 pixels: with 2.4 of them 0.104 and the regression 0.027, with 1.2 of them 0.029 and 0.022)
 COARSE = 1.5
-# of a pixel: where knot spans are smaller, sharp light may be spoilt (a ramp over angles by a beam, 80 x 40
-# pixels: with spans of 0.27 pixels 25.6 % off, with 0.53 0.86 %)
-FINE = 0.5
 WIDE = 2.8  # pixels, of the Gaussian that takes the detail of a picture away
 SCALE, POWER = 0.092, 0.27
 JUMP = 1e-3  # of the norm: smaller jumps between pixels are none

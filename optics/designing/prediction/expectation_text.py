@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isinf
 
 from optics.base.runtime import plain_number
-from optics.designing.prediction.expectation import COARSE, FINE, Expectation
+from optics.designing.prediction.expectation import COARSE, Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.designing.starts import INSIDE
 from optics.light.outgoing import concentration_sentence
@@ -72,19 +72,8 @@ def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
         sizes[_blurring(system)] = expected.blur
     what = max(sizes, key=lambda name: sizes[name])
     others = ", ".join(f"{name} {_length(system, size)}" for name, size in sizes.items() if name != what)
-    remedy = "; a higher freeform.max_level makes it finer" if what == NET else _too_fine(system, expected)
-    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others}){remedy}"
-
-
-def _too_fine(system: OpticalSystem, expected: Expectation) -> str:
-    """Return what helps a mesh that shapes sharp light within pixels, which see none of it; "" elsewhere."""
-    if expected.blur is not None or expected.net >= FINE * expected.pixel:
-        return ""
-    key = system.problem.optic.key(system.shaped)
-    return (
-        "; so fine a mesh shapes light within pixels, where the search sees none, and may spoil it: "
-        f"--set {key}.freeform.max_level=auto, or raise target.pixels"
-    )
+    finer = "; a higher freeform.max_level makes it finer" if what == NET else ""
+    return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others}){finer}"
 
 
 def _blurring(system: OpticalSystem) -> str:
