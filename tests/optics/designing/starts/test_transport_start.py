@@ -182,6 +182,21 @@ def test_the_sag_keeps_to_z_freedom(tmp_path, backend, bound):
         assert np.abs(sag.coefficients).max() > 0.9 * bound
 
 
+def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
+    """An even ramp on 24 x 24 pixels, by spans of a fifth of a pixel: their map has cells for every span."""
+    changes = {
+        "target.pixels": [24, 24],
+        "lens.rear.freeform.spans": [7, 7],
+        "lens.rear.freeform.z_freedom": 9.0,
+    }
+    ramp = np.tile(np.linspace(100, 255, 24).astype(np.uint8), (24, 1))
+    off = []
+    for level in (2, 4):
+        system = small_system(tmp_path, changes | {"lens.rear.freeform.max_level": level}, ramp)
+        off.append(measure(system, fitted(system, backend, 7 << level), backend).metrics["rel_l2"])
+    assert off[1] < off[0] / 2
+
+
 def test_the_base_conic_does_not_matter(tmp_path, backend):
     """The same light from a plane and from a paraboloid as base: the sag makes up for it."""
     points = []
