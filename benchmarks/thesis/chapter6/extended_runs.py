@@ -20,7 +20,7 @@ VERTICES = 450  # in each direction, of Table 6.3
 CHECKED = (181, 181)  # 2^15 rays: the second tracer needs seconds for them
 NOISE = 0.5  # relative, of the indicators in the control without symmetry
 SMALL = 64  # pixels of the quick set
-SMALLER = {"rays": (129, 129), "vertices": 226, "iterations": 25}
+SMALLER = {"rays": (129, 129), "vertices": 226, "iterations": 12}
 DESIGNS = {"one free surface": "extended", "two free surfaces": "extended_two"}
 LESS = {  # of the effort of the project's own designs, in the quick set
     "optimizer.iterations": [8],

@@ -63,7 +63,7 @@ def _full() -> tuple[Plan, int]:
 
 
 def _quick() -> tuple[Plan, int]:
-    return replace(_full()[0], steps=_steps(FIRST, FALL, 4), iterations=30, **LEAST), SMALLEST
+    return replace(_full()[0], steps=_steps(FIRST, FALL, 4), iterations=15, **LEAST), SMALLEST
 
 
 def _steps(first: float, fall: float, count: int) -> tuple[float, ...]:
