@@ -4,6 +4,7 @@ through front and rear alone."""
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -11,6 +12,7 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from optics.light.tracing import FATES
@@ -31,6 +33,8 @@ class FileFaces:
         self._names = [OTHER_LENS.sub("neighbour", name).split(" ")[0] for name in solid.face_names]
         self._numbers, self._intersector = TopTools_IndexedMapOfShape(), IntCurvesFace_ShapeIntersector()
         TopExp.MapShapes_s(solid.shape, TopAbs_FACE, self._numbers)
+        keys = map(self._numbers.FindKey, range(1, self._numbers.Extent() + 1))
+        self._surfaces = [BRep_Tool.Surface_s(TopoDS.Face_s(key)) for key in keys]
         self._intersector.Load(solid.shape, 1e-7)
 
     def meet(self, origins, directions):
@@ -38,25 +42,40 @@ class FileFaces:
         for none."""
         points, normals = origins.copy(), np.full(origins.shape, [0.0, 0.0, 1.0])
         names, search = np.full(len(origins), "", dtype="<U9"), self._intersector
-        for k, (o, d) in enumerate(zip(origins, directions)):
-            search.PerformNearest(gp_Lin(gp_Pnt(*o.tolist()), gp_Dir(*d.tolist())), LEAVES, FARTHEST)
+        met, surfaces, places = [], [], []
+        for k, (o, d) in enumerate(zip(origins.tolist(), directions.tolist())):
+            search.PerformNearest(gp_Lin(gp_Pnt(*o), gp_Dir(*d)), LEAVES, FARTHEST)
             if search.NbPnt():
-                face = search.Face(1)
-                names[k] = self._names[self._numbers.FindIndex(face) - 1]
-                place = np.array([search.UParameter(1), search.VParameter(1), search.WParameter(1)])
-                for _ in range(NEWTON):  # S(u, v) = o + t d
-                    s, by_u, by_v = jet(face, place)
-                    place -= np.linalg.solve(np.array([by_u, by_v, -d]).T, s - o - place[2] * d)
-                points[k], by_u, by_v = jet(face, place)
-                normals[k] = np.cross(by_u, by_v)
+                number = self._numbers.FindIndex(search.Face(1)) - 1
+                names[k] = self._names[number]
+                met.append(k)
+                surfaces.append(self._surfaces[number])
+                places.append([search.UParameter(1), search.VParameter(1), search.WParameter(1)])
+        if met:
+            o, d, place = origins[met], directions[met], np.array(places)
+            for _ in range(NEWTON):  # S(u, v) = o + t d
+                s, by_u, by_v = jets(surfaces, place)
+                off = s - o - place[:, 2:] * d
+                place -= np.linalg.solve(np.stack([by_u, by_v, -d], axis=-1), off[..., None])[..., 0]
+            points[met], by_u, by_v = jets(surfaces, place)
+            normals[met] = np.cross(by_u, by_v)
         return points, normals / np.linalg.norm(normals, axis=1, keepdims=True), names
 
 
-def jet(face, place):
-    """Return S, S_u and S_v of a face, each (3,)."""
+@lru_cache(maxsize=1)
+def faces_of(path, changed):
+    """Return the faces of a file, read once.  changed : when, in nanoseconds."""
+    return FileFaces(path)
+
+
+def jets(surfaces, places):
+    """Return S, S_u and S_v of a surface at each place, (n, 3) each."""
     point, by_u, by_v = gp_Pnt(), gp_Vec(), gp_Vec()
-    BRep_Tool.Surface_s(face).D1(*place[:2].tolist(), point, by_u, by_v)
-    return np.array(point.Coord()), np.array(by_u.Coord()), np.array(by_v.Coord())
+    out = np.empty((3, len(places), 3))
+    for k, (surface, (u, v, _)) in enumerate(zip(surfaces, places.tolist())):
+        surface.D1(u, v, point, by_u, by_v)
+        out[:, k] = point.Coord(), by_u.Coord(), by_v.Coord()
+    return out
 
 
 def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None):
@@ -67,7 +86,7 @@ def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None
     absorbing : the first words of names of faces at which light is blocked.
     clear : by name of a face, the radius about the axis that a holder leaves free; light beside is blocked.
     """
-    faces = FileFaces(path)
+    faces = faces_of(path, path.stat().st_mtime_ns)
     by_ray, landings = np.zeros((len(FATES), len(rays.flux))), []
 
     def account(ray, flux, fates):
@@ -115,7 +134,7 @@ def file_sequence(path, rays, index, target, clear=None):
 
     Parameters as of `file_branches`; the fates have the names of those of a lens alone.
     """
-    faces = FileFaces(path)
+    faces = faces_of(path, path.stat().st_mtime_ns)
     o, d, flux = rays.origin.T, rays.direction.T, np.array(rays.flux)
     goes, fates = np.ones(len(flux), dtype=bool), {"blocked": np.zeros(len(flux)), "total_internal": 0.0}
 
