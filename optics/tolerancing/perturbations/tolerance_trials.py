@@ -38,7 +38,7 @@ TENTH = 0.1  # of a pixel: what light moves by where model and trace are compare
 STILL = 1e-9  # of a pixel per amount: what moves no light
 Point = tuple[float, float]  # an amount, and the part of the limits that it takes
 
-SEARCH = 7  # traces of both signs, at most, that look for the amount that is allowed
+SEARCH = 10  # traces of both signs, at most, that look for the amount that is allowed
 LEAST, AIM = 0.98, 0.99  # of the limits: so much an allowed amount takes, and the next one is to take
 POWER = 2.0  # of the amount, with which parts grow as long as one amount is known: that of rel_l2^2
 POWERS = 0.5, 8.0  # within which they grow between two amounts

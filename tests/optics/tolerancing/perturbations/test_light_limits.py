@@ -5,7 +5,7 @@ from itertools import takewhile
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.photometry import uniformity
@@ -264,7 +264,28 @@ def test_the_allowed_amount_keeps_the_limits_and_uses_them(power: float, decade:
     found = amount_of(taken, (first, taken(first)))
     assert found is not None
     assert found[1] <= 1
-    assert found[0] > (0.9 if still == 0 else 0.5) * edge * (1 - 0.5 * still)
+    assert found[0] > (0.9 if still == 0 else 0.8) * edge
+
+
+@examples(200)
+@given(st.floats(0.3, 6.0), st.floats(0.3, 6.0), st.floats(0.2, 2.0), st.floats(-1.5, 1.5))
+@example(0.6, 5.2, 0.9, -0.7)
+def test_it_does_so_where_the_power_changes_on_the_way(
+    low: float, high: float, bend: float, decade: float
+) -> None:
+    """Up to a part of the edge light suffers with one power of the amount, and with another beyond."""
+    first, edge = 0.05, 0.05 * 10**decade
+
+    def grown(part: float) -> float:
+        return part**low if part < bend else bend**low * (part / bend) ** high
+
+    def taken(amount: float) -> float:
+        return grown(amount / edge) / grown(1.0)
+
+    found = amount_of(taken, (first, taken(first)))
+    assert found is not None
+    assert found[1] <= 1
+    assert found[0] > 0.9 * edge
 
 
 def test_errors_that_reach_no_limit_are_free() -> None:
