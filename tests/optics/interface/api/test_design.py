@@ -218,7 +218,10 @@ def test_a_small_design_has_the_same_bytes_on_one_and_two_threads(tmp_path, chan
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_have_the_same_bytes_on_any_number_of_threads_and_again(tmp_path, name):
-    """With fewer pixels and levels."""
+def test_examples_have_the_same_bytes_on_any_number_of_threads_and_again(tmp_path, monkeypatch, name):
+    """With fewer pixels and levels, and fewer rays by other ways than front and rear: still enough for
+    several threads, and for replicates after the first two."""
+    monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (192, 192))
+    monkeypatch.setattr("optics.designing.optimisation.level_objective.REPLICATES", 3)
     problem = optics.load_problem(ROOT / "examples" / f"{name}.toml").with_(**EXAMPLES[name])
     assert len({designed(problem, threads, tmp_path) for threads in (*THREADS, 2)}) == 1
