@@ -48,7 +48,8 @@ def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, mo
         return system.lens, State(False, 0, system.lens.sags)
 
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", designed)
-    assert main(["design", str(write_problem(tmp_path, QUICK)), "--out", str(tmp_path / "out")]) == 2
+    problem = write_problem(tmp_path, QUICK | COARSE | {"target.pixels": [16, 16]})
+    assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == 2
     *progress, message = capsys.readouterr().err.splitlines()
     assert all("% done" in line for line in progress)
     assert message.startswith("thbcad: cannot write or read")
