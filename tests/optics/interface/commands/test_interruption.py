@@ -24,6 +24,7 @@ LONG = {
     "optimizer.iterations": [2, 2, 2000],
     "target.pixels": [64, 64],
     "refinement.alpha": [0.0],
+    "lens.rear.freeform.spans": [2, 2],
 }
 
 
