@@ -17,7 +17,13 @@ from oracles.error_measures import relative
 from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
-STUDY = {"target.pixels": [24, 24], "optimizer.window": "gaussian", "optimizer.rays_per_pixel": 8}
+SIGMA = 0.5  # of the window in pixels: in a derivative along a direction each pixel it covers is a kernel
+STUDY = {
+    "target.pixels": [12, 12],
+    "optimizer.window": "gaussian",
+    "optimizer.sigma": SIGMA,
+    "optimizer.rays_per_pixel": 16,
+}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +46,7 @@ def models(folder, backend, changes=None):
     system = small_system(folder, STUDY | (changes or {}))
     lens = system.lens
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
-    film = Film(system.target.screen(1, 3), (121, 121), GaussianWindow(1.0))
+    film = Film(system.target.screen(1, 2), (121, 121), GaussianWindow(SIGMA))
     engines = ExactEngine(backend), camera_engine(1)
     return *(e.model(system, lens, film) for e in engines), [sag.coefficients for sag in lens.sags]
 
@@ -105,6 +111,7 @@ def test_a_lens_without_reflections_is_refused(tmp_path):
 @pytest.mark.slow
 def test_a_whole_design_runs_through_all_levels(tmp_path, backend):
     changes = STUDY | {"optimizer.start": "flat", "optimizer.iterations": [3], "optimizer.method": "adam"}
+    changes["optimizer.rays_per_pixel"] = 4
     system = small_system(tmp_path, changes)
     _, state = shape_lens(system, backend, camera_engine(1))
     fits = [row.fit for row in state.history]
