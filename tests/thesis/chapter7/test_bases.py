@@ -51,7 +51,7 @@ def test_beta_functions_are_areas_of_the_density():
 def test_deltas_are_the_general_problem(kernel, target):
     """With steps enough to converge: an ill-conditioned blur takes more than the default 5000."""
     rows, columns = (deltas(side) for side in kernel.light_shape(target.shape))
-    result = approximate_in_basis(kernel, target, rows, columns, 1e-6, 50_000)
+    result = approximate_in_basis(kernel, target, rows, columns, 1e-6, 10_000)
     best = optimum(matrix(kernel, target.shape), target)
     assert result.lower_bound - ROUNDING <= best <= result.residual + ROUNDING
     assert result.residual**2 <= best**2 + 1e-4
