@@ -173,6 +173,18 @@ def quartic(half_width, height, axis):
     return FreeformSurface(half_width, Conic(), THBSurface(THBSpace(kv, kv), net.ravel()))
 
 
+def dome(half_width, height):
+    """A surface of z = 0 at its rim and of height / 4 in the middle.
+
+    Opposite a bump it leaves the lens thinnest at two points, not along a line, which is found ten times as
+    fast.
+    """
+    net = np.zeros((3, 3))
+    net[1, 1] = height
+    space = THBSpace(*(KnotVector.uniform(2, 1, -h, h) for h in half_width))
+    return FreeformSurface(half_width, Conic(), THBSurface(space, net.ravel()))
+
+
 # every value at least once; the rest of the product is slow
 OFTEN = {(0, "front", 1.0), (1, "rear", 0.75), (1, "front", 1.25)}
 
@@ -191,9 +203,9 @@ def test_the_critical_thickness_of_a_bump(axis, wide, other):
     sizes = [(2.0, 1.0), (1.0, other)]
     big, small = (tuple(size[::-1]) if axis else size for size in sizes)
     surfaces_of = (
-        (quartic(big, 0.3, axis), FreeformSurface(small))
+        (quartic(big, 0.3, axis), dome(small, 0.5))
         if wide == "front"
-        else (FreeformSurface(small), quartic(big, -0.3, axis))
+        else (dome(small, -0.5), quartic(big, -0.3, axis))
     )
     require_sound(Lens(*surfaces_of, 1.62, 1.5))
     crossing = (
@@ -210,7 +222,7 @@ def test_the_critical_thickness_of_a_bump(axis, wide, other):
 @pytest.mark.parametrize(("thickness", "crosses"), [(1.55, True), (1.7, False)])
 def test_occt_finds_the_same_solids_to_meet_themselves(thickness, crosses):
     """Its self-interference test of the six faces, on both sides of the critical thickness of 1.6 mm."""
-    pair = quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 0.75))
+    pair = quartic((2.0, 1.0), 0.3, 0), dome((1.0, 0.75), 0.5)
     lens = Lens(*pair, thickness, 1.5)
     analyzer = BOPAlgo_ArgumentAnalyzer()
     analyzer.SetShape1(part_between(placed_surfaces(lens), ruled_edges(lens)).solid)
@@ -232,7 +244,7 @@ def test_a_tangent_edge_is_undecided():
         match=r"undecided whether the ruled edge at -x crosses the front|the ruled edge at -x crosses the "
         r"front.* than \S+e-\d+ mm",
     ):
-        require_sound(Lens(quartic((2.0, 1.0), 0.3, 0), FreeformSurface((1.0, 1.0)), 1.6, 1.5))
+        require_sound(Lens(quartic((2.0, 1.0), 0.3, 0), dome((1.0, 1.0), 0.5), 1.6, 1.5))
 
 
 def test_edges_that_cross_each_other_alone():
