@@ -15,6 +15,7 @@ from optics.scene.sources import RayFileSource, Rays, single_rays
 from optics.scene.system import Own, solvable_system
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_lens
+from tests.cases import examples
 from tests.optics.cases import TARGET_Z, alone
 from tests.optics.tolerancing.perturbations.cases import (
     Bowl,
@@ -173,6 +174,7 @@ def nominal(light):
 
 
 @pytest.mark.every(2)
+@examples(20)
 @given(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), st.floats(-0.05, 0.25))
 def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(
     wide_light, wide_nominal, shift, size
@@ -187,6 +189,7 @@ def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(
 
 
 @pytest.mark.slow
+@examples(20)
 @given(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.floats(-0.5, 0.5))
 def test_as_much_of_a_moved_beam_misses_the_lens_as_lies_beside_it(wide_light, shift, size):
     """What two rectangles share; of rays, give or take a row of them at a border."""
