@@ -94,9 +94,10 @@ def test_half_the_flux_keeps_all_of_ub2_by_a_fifth_and_does_not_bump_between_its
 
 @pytest.mark.slow
 def test_a_beam_that_diverges_is_aimed_again_until_fresh_light_keeps_what_the_model_does():
-    """One convolution makes 12 % more at (12, 0) than the lens; aimed at are 30 %."""
+    """One convolution makes 12 % more at (12, 0) than the lens; aimed at are 30 %, 16 % come by one aim."""
     wide = {"source.half_width": (20, 20), "source.divergence": 1.0, "source.flux": 1058.0}
     wide |= {f"lens.{face}.half_width": (21, 21) for face in ("front", "rear")}
     problem = optics.Problem(**UB2).with_(**wide, **{"lens.thickness": 16.0})
-    found = optics.design(problem.with_(**{"lens.rear.freeform.max_level": 3})).measurement.metrics["zones"]
+    few = {"lens.rear.freeform.max_level": 3, "optimizer.iterations": (12,)}
+    found = optics.design(problem.with_(**few)).measurement.metrics["zones"]
     assert min(row["margin"] + 2 * row["error"] / row["limit"] for row in found) > 0.27
