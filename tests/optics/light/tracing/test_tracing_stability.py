@@ -14,6 +14,7 @@ from optics.scene.receivers import BSplineWindow, Screen
 from optics.scene.sources import Profile, Rays, collimated_beam, lambertian_parts
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
+from tests.cases import THOROUGH
 from tests.optics.cases import coefficients, hollow_lens, rough, tracer_to
 from tests.optics.light.tracing.cases import step_trace
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
@@ -33,9 +34,12 @@ def single():
 
 
 def asked(names, often):
-    """Return (name, step): every third ray in `make test`; all, exact ones too, in `make slow`."""
+    """Return (name, step): every third ray in `make test`; all, exact ones too, in `make slow`.
+
+    Where all are asked for, every third is not traced once more.
+    """
     return [
-        *((name, 3) for name in names if often(name)),
+        *((name, 3) for name in names if often(name) and not THOROUGH),
         *(pytest.param(name, 1, marks=pytest.mark.slow) for name in names),
     ]
 
