@@ -156,10 +156,10 @@ def shown(tmp_path_factory):
     """What makes a problem's target a picture with more detail than one coarse net has room for."""
     path = tmp_path_factory.mktemp("shown") / "pearl.png"
     picture = Image.open(ROOT / "examples" / "pearl.png").convert("L")
-    picture.filter(ImageFilter.GaussianBlur(20)).resize((64, 64)).save(path)
+    picture.filter(ImageFilter.GaussianBlur(20)).resize((48, 48)).save(path)
     return {
-        "target": {"kind": "image", "image": str(path), "pixels": (64, 64)},
-        "optimizer": {"iterations": (80,)},
+        "target": {"kind": "image", "image": str(path), "pixels": (48, 48)},
+        "optimizer": {"iterations": (60,)},
     }
 
 
