@@ -46,7 +46,10 @@ def test_it_sees_the_light_that_is_aimed_at(tmp_path, merge):
 
 @pytest.mark.slow
 def test_sharp_light_before_blurred_light_is_better_than_blurred_light_alone(tmp_path, monkeypatch):
-    """For the same number of evaluations, from the same start; measured by four times as many beams."""
+    """For the same number of evaluations, from the same start; measured by four times as many beams.
+
+    By 9 %: half as many steps on blurred light, without the sharp ones, differ by 0.4 % from all of them.
+    """
     monkeypatch.setattr("optics.light.analysis.light_of_beams.SUNFLOWER", 16)
     changes = SUN | {"optimizer.iterations": [6], "lens.rear.freeform.max_level": 4}
     problem = load_problem(write_problem(tmp_path, changes | {"lens.rear.freeform.z_freedom": 3.0}))
@@ -57,4 +60,4 @@ def test_sharp_light_before_blurred_light_is_better_than_blurred_light_alone(tmp
     both = optics.design(problem).metrics["rel_l2_debiased"]
     monkeypatch.setattr(loop, "stages", blurred_alone)
     alone = optics.design(problem).metrics["rel_l2_debiased"]
-    assert both < alone
+    assert both < 0.95 * alone
