@@ -189,7 +189,9 @@ FLAT = {(0, "front", 1.0), (1, "rear", 0.75)}  # with a flat small face, the oth
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("axis", "wide", "other"), product((0, 1), ("front", "rear"), (1.0, 0.75, 1.25)))
+@pytest.mark.parametrize(
+    ("axis", "wide", "other"), list(product((0, 1), ("front", "rear"), (1.0, 0.75, 1.25)))
+)
 def test_the_critical_thickness_of_a_bump(axis, wide, other):
     """Edges from x = 2, z = 0 to x = 1, z = T are tangent to the bump h at T = 16 h / 3: above they are
     accepted, below refused."""
