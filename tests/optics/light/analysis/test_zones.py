@@ -77,16 +77,20 @@ def test_the_rows_of_a_known_light_are_judged_one_by_one(tmp_path, backend):
 
 
 def test_zones_are_read_over_an_aperture_however_wide_pixels_are(tmp_path, backend):
-    """The cone ends at 20 degrees, in the middle between the centres of two pixels, whose means hide it."""
-    zone = {"points": [[19.7, 0], [20.3, 0]], "least": 1.0}
-    system, found = measured(tmp_path, backend, [zone], **{"target.aperture": 0.0})
-    _, wide = measured(tmp_path, backend, [zone])
-    values, hidden = ([row["value"] / INTENSITY for row in run.metrics["zones"]] for run in (found, wide))
-    assert values == pytest.approx([0.95, 0.0], abs=0.05)  # at 20 degrees the front reflects more
+    """A cone ends at 5 degrees, in the middle between the centres of two pixels, whose means hide it."""
+    zone = {"points": [[4.7, 0], [5.3, 0]], "least": 1.0}
+    narrow = {"source.half_angle": 5.0, "target.half_width": [6.0, 6.0], "target.pixels": [12, 12]}
+    system, found = measured(tmp_path, backend, [zone], **narrow, **{"target.aperture": 0.0})
+    _, wide = measured(tmp_path, backend, [zone], **narrow)
+    ahead = LUMENS / (2 * pi * (1 - cos(radians(5)))) * 0.96**2
+    values, hidden = ([row["value"] / ahead for row in run.metrics["zones"]] for run in (found, wide))
+    assert values == pytest.approx([1.0, 0.0], abs=0.01)
     assert hidden == pytest.approx([0.8, 0.2], abs=0.1)
     notes = [note for note in advice(system) if "zones are read over 0.15 degrees" in note]
-    assert [note.partition("--set ")[2] for note in notes] == ["target.pixels=[334, 334]"]
-    fine = load_problem(tmp_path / "problem.toml", {"target.zone": [zone], "target.pixels": [334, 334]})
+    assert [note.partition("--set ")[2] for note in notes] == ["target.pixels=[80, 80]"]
+    fine = load_problem(
+        tmp_path / "problem.toml", narrow | {"target.pixels": [80, 80], "target.zone": [zone]}
+    )
     assert not any("zones are read" in note for note in advice(OpticalSystem(fine)))
 
 
