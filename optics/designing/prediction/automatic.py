@@ -29,8 +29,10 @@ from optics.scene.problem import FINEST_AUTO, Freeform, Front, MirrorElement, Pr
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, seen_functions
+from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
+from thbcad.splines import KnotVector
 
 Surface = TypeVar("Surface", "Front", "Rear")
 
@@ -173,13 +175,23 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
     lens = system.lens
     shaped: FreeformSurface = getattr(lens, system.shaped)
     x, y = light.x[:, None], light.y[None, :]
-    space = lens.sags[-1].space.uniform(SPACE_LEVELS)
+    space = _estimating(lens.sags[-1].space, light)
     zx, zy = (s - shaped.conic(x, y, d) for s, d in zip(slopes, ((1, 0), (0, 1))))
     sag = fit_slopes(space, light.x, light.y, zx, zy, light.weight)
     asked = float(np.abs(sag.coefficients[seen_functions(space, light.x, light.y)]).max())
     wanted = max(MARGIN * asked, LEAST_FREEDOM * max(shaped.half_width))
     room = KEPT * lens.least_thickness().lower / len(lens.sags)
     return float(f"{min(wanted, max(room, NEEDED * asked)):.2g}")
+
+
+def _estimating(space: THBSpace, light: RearLight) -> THBSpace:
+    """Return the mesh on which the sag is estimated, with fewer spans than the map has cells."""
+
+    def knots(kv: KnotVector, cells: int) -> KnotVector:
+        spans = min(kv.spans << SPACE_LEVELS, 3 * cells // 4 - kv.degree)
+        return KnotVector.uniform(kv.degree, spans, kv.start, kv.stop)
+
+    return THBSpace(knots(space.kv_u, len(light.x)), knots(space.kv_v, len(light.y)))
 
 
 def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -> Problem:

@@ -42,6 +42,15 @@ def test_finer_detail_takes_more_levels(tmp_path, backend):
     assert least < most <= FINEST_AUTO
 
 
+def test_dense_meshes_have_the_base_of_coarse_ones(tmp_path, backend):
+    """More functions than the coarse map has cells: the bound of the sag is still that of its slopes."""
+    bounds = []
+    for spans in ([7, 7], [20, 3], [40, 40]):
+        changes = {"lens.rear.freeform.spans": spans, "lens.rear.freeform.max_level": 0}
+        bounds.append(based(tmp_path, backend, changes).freeforms[-1].freedom)
+    assert bounds == pytest.approx([bounds[0]] * 3, rel=0.1)
+
+
 @pytest.mark.slow
 def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     """Squares of 6 pixels: a spot of a third of a pixel leaves them, one of 17 pixels does not."""
