@@ -183,7 +183,7 @@ def test_the_sag_keeps_to_z_freedom(tmp_path, backend, bound):
 
 
 def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
-    """An even ramp on 24 x 24 pixels, by spans of a fifth of a pixel: their map has cells for every span."""
+    """An even ramp on 24 x 24 pixels, by spans of half and a ninth of a pixel: cells for every span."""
     changes = {
         "target.pixels": [24, 24],
         "lens.rear.freeform.spans": [7, 7],
@@ -191,10 +191,10 @@ def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
     }
     ramp = np.tile(np.linspace(100, 255, 24).astype(np.uint8), (24, 1))
     off = []
-    for level in (2, 4):
+    for level in (3, 5):
         system = small_system(tmp_path, changes | {"lens.rear.freeform.max_level": level}, ramp)
         off.append(measure(system, fitted(system, backend, 7 << level), backend).metrics["rel_l2"])
-    assert off[1] < off[0] / 2
+    assert max(off) < 0.02
 
 
 def test_the_base_conic_does_not_matter(tmp_path, backend):
