@@ -23,7 +23,7 @@ from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import first_fit, transmitted_flux
 from optics.designing.prediction.freedom_note import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
-from optics.designing.starts import RearLight, TransportStart
+from optics.designing.starts import RearLight, TransportStart, least_auto
 from optics.scene.keys import AUTO
 from optics.scene.problem import FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
@@ -36,7 +36,6 @@ from thbcad.splines import KnotVector
 
 Surface = TypeVar("Surface", "Front", "Rear")
 
-LEAST = 3  # level: the optimiser mends what the transport map's own cells leave
 CELLS = 64  # of the map that tells the base, in each direction: its curvature needs no detail
 # of a map, of so many rounds, and a base: where rays spread in the lens, the map depends on the base (of the
 # nine examples with such a base all digits are as after 5 and 5 rounds)
@@ -69,16 +68,18 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     levels = any(freeform.max_level == AUTO for freeform in system.freeforms)
     if not levels and not bounded:
         return system, None
-    start, level = TransportStart(system, backend), LEAST
+    start, level = TransportStart(system, backend), least_auto(system.freeforms[-1])
     if levels:
-        level = seen_level(system, start, backend, LEAST, start.level(LEAST, FINEST_AUTO))
+        level = seen_level(system, start, backend, level, start.level(level, FINEST_AUTO))
     levelled = _with_levels(system, level)
+    start = start.levelled(levelled.problem)
     if bounded:
         fits = first_fit(levelled, start), start.finest_fit()
         if start.helped(*fits):
             base = base_of(_based(system.problem))
             system = solvable_system(_with_numbers(asked, base, start.freedom(*fits)), system.own)
-            start, levelled = TransportStart(system, backend), _with_levels(system, level)
+            levelled = _with_levels(system, level)
+            start = TransportStart(system, backend).levelled(levelled.problem)
     return levelled, start
 
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         STEEP,
         TransportFit,
         TransportStart,
+        least_auto,
         spot_lens,
     )
 

@@ -10,7 +10,8 @@ traced again on each new shape (`shaped_along`).  Fresnel's losses are made up f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
 
@@ -24,6 +25,7 @@ from optics.designing.starts.path_light import light_on
 from optics.designing.starts.path_start import MOST_ROUNDS, Picture, shaped_along
 from optics.designing.starts.rear_light import DARK, RearLight, as_many_within
 from optics.light.blur import aimed
+from optics.scene.problem import Freeform, Problem
 from optics.scene.receivers import lit_part
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -42,6 +44,7 @@ CELLS_PER_SPAN = 8 / 7
 # 0.055 and the design's 0.0038, with these 0.0041 and 0.0008)
 LEAST_CELLS, MOST_CELLS = 128, 512
 SPOT_CELLS = 64  # of a map that tells a blur
+LEAST_AUTO = 3  # level of max_level = "auto": the optimiser mends what the map's own cells leave
 MOST_SPANS = 224  # in a direction, of the finest mesh that is fitted whole: the map has 512 cells
 # degrees, half of a far field from which on its angles are no chart for transport (pearl, 40 degrees: the
 # start's rel_l2 is 0.18 by angles and 0.09 by the slopes that they need; at 15 degrees both end alike)
@@ -147,9 +150,14 @@ class TransportStart:
     def finest_fit(self) -> TransportFit:
         """Return the fit on the whole mesh of the last level, or of the last before it that is quick."""
         freeforms = self._system.freeforms
-        quick = (MOST_SPANS // max(freeforms[-1].spans)).bit_length() - 1
-        level = min(max(f.finest for f in freeforms), max(quick, 0))
+        level = min(max(f.finest for f in freeforms), _quick(freeforms[-1]))
         return self.fit(self._lens.sags[-1].space.uniform(level))
+
+    def levelled(self, problem: Problem) -> TransportStart:
+        """Return this start for the problem with levels where they were left to the program."""
+        known = copy(self)
+        known._system = replace(self._system, problem=problem)
+        return known
 
     def _clear(self, sag: THBSurface) -> bool:
         """Whether the lens with a sag can exist."""
@@ -278,11 +286,23 @@ class TransportStart:
 
 
 def _cells(system: OpticalSystem, pixels: Sequence[int], most: int) -> list[int]:
-    """Return the cells of a map in x and y: enough for pixels, and for a fit on the finest mesh, if known."""
+    """Return the cells of a map in x and y: enough for pixels, and for a fit on the finest mesh, or on
+    the coarsest that may be chosen."""
     freeform = system.freeforms[-1]
-    spans = [0 if isinstance(freeform.max_level, str) else n << freeform.finest for n in freeform.spans]
+    level = least_auto(freeform) if isinstance(freeform.max_level, str) else freeform.max_level
+    spans = [n << level for n in freeform.spans]
     wanted = [max(CELLS_PER_PIXEL * n, ceil(CELLS_PER_SPAN * s)) for n, s in zip(pixels, spans)]
     return [min(max(n, LEAST_CELLS), most) for n in wanted]
+
+
+def least_auto(freeform: Freeform) -> int:
+    """Return the coarsest level that max_level = "auto" stands for: a map has cells for its spans."""
+    return min(LEAST_AUTO, _quick(freeform))
+
+
+def _quick(freeform: Freeform) -> int:
+    """Return the finest level, if any, of at most MOST_SPANS."""
+    return max((MOST_SPANS // max(freeform.spans)).bit_length() - 1, 0)
 
 
 def _with_rim(kv: KnotVector, samples: Floats, level: int) -> tuple[Floats, tuple[int, int]]:

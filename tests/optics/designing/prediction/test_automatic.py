@@ -51,6 +51,17 @@ def test_dense_meshes_have_the_base_of_coarse_ones(tmp_path, backend):
     assert bounds == pytest.approx([bounds[0]] * 3, rel=0.1)
 
 
+def test_levels_of_dense_meshes_have_cells(tmp_path, backend):
+    """The start on the mesh that is chosen casts a ramp on few pixels, however many spans level 0 has."""
+    ramp = np.tile(np.linspace(100, 255, 24).astype(np.uint8), (24, 1))
+    for spans in ([7, 7], [20, 3], [60, 60]):
+        changes = {"target.pixels": [24, 24], "lens.rear.freeform.spans": spans}
+        system, start = resolved(small_system(tmp_path, AUTOMATIC | changes, ramp), backend)
+        sag = start.finest_fit().sag
+        assert sag.space.levels == system.freeforms[-1].finest + 1
+        assert measure(system, system.lens.with_sags([sag]), backend).metrics["rel_l2"] < 0.03
+
+
 @pytest.mark.slow
 def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     """Squares of 6 pixels: a spot of a third of a pixel leaves them, one of 17 pixels does not."""
