@@ -17,7 +17,7 @@ from tests.optics.cases import (
     traced,
     tracer_to,
 )
-from thbcad.fitting import fit_slopes
+from thbcad.fitting import fit_slopes, seen_functions
 from thbcad.hierarchy import THBSpace
 from thbcad.splines import KnotVector
 from thbcad.surfaces import THBSurface
@@ -195,6 +195,16 @@ def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
         system = small_system(tmp_path, changes | {"lens.rear.freeform.max_level": level}, ramp)
         off.append(measure(system, fitted(system, backend, 7 << level), backend).metrics["rel_l2"])
     assert max(off) < 0.02
+
+
+@pytest.mark.parametrize("level", [4, 5])
+def test_the_finest_mesh_is_seen(tmp_path, backend, level):
+    """The map has cells enough to tell the coefficients of the finest level, however few the pixels."""
+    changes = {"target.pixels": [24, 24], "lens.rear.freeform.spans": [7, 7]}
+    changes |= {"lens.rear.freeform.z_freedom": 9.0, "lens.rear.freeform.max_level": level}
+    start = TransportStart(small_system(tmp_path, changes), backend)
+    light, _ = start.rear_slopes()
+    assert seen_functions(start.finest_fit().sag.space, light.x, light.y).mean() > 0.8
 
 
 def test_the_base_conic_does_not_matter(tmp_path, backend):
