@@ -72,14 +72,14 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     if levels:
         level = seen_level(system, start, backend, level, start.level(level, FINEST_AUTO))
     levelled = _with_levels(system, level)
-    start = start.levelled(levelled.problem)
+    start = start.levelled(levelled)
     if bounded:
         fits = first_fit(levelled, start), start.finest_fit()
         if start.helped(*fits):
             base = base_of(_based(system.problem))
             system = solvable_system(_with_numbers(asked, base, start.freedom(*fits)), system.own)
             levelled = _with_levels(system, level)
-            start = TransportStart(system, backend).levelled(levelled.problem)
+            start = TransportStart(levelled, backend)
     return levelled, start
 
 

@@ -100,7 +100,8 @@ class TransportStart:
         screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
         self._surface: FreeformSurface = getattr(system.lens, system.shaped)
-        nx, ny = (as_many_within(self._surface.outline, n) for n in _cells(system, screen.pixels, most))
+        self._most, self._cells = most, _cells(system, screen.pixels, most)
+        nx, ny = (as_many_within(self._surface.outline, n) for n in self._cells)
         self._bound = INSIDE * system.freeforms[-1].freedom
         narrow = receiver.across_axis and not (receiver.far_field and max(self.half_lit) > WIDE)
         crosses, finest = system.target.settings.crossing, system.freeforms[-1].finest
@@ -155,11 +156,14 @@ class TransportStart:
         level = min(max(f.finest for f in freeforms), _quick(freeforms[-1]))
         return self.fit(self._lens.sags[-1].space.uniform(level))
 
-    def levelled(self, problem: Problem) -> TransportStart:
-        """Return this start for the problem with levels where they were left to the program."""
+    def levelled(self, system: OpticalSystem) -> TransportStart:
+        """Return the start of the system with levels where they were left to the program: this one, unless
+        its map has too few cells for them."""
         known = copy(self)
-        known._system = replace(self._system, problem=problem)
-        return known
+        known._system = replace(self._system, problem=system.problem)
+        if _cells(known._system, known._system.goal.screen().pixels, self._most) == self._cells:
+            return known
+        return TransportStart(system, self._backend, self._most)
 
     def _clear(self, sag: THBSurface) -> bool:
         """Whether the lens with a sag can exist."""

@@ -62,6 +62,17 @@ def test_levels_of_dense_meshes_have_cells(tmp_path, backend):
         assert measure(system, system.lens.with_sags([sag]), backend).metrics["rel_l2"] < 0.03
 
 
+def test_a_level_that_is_chosen_starts_like_the_same_level_as_a_number(tmp_path, backend):
+    """Noise on few pixels takes a level that asks for more cells than the map had which told it."""
+    noise = np.random.default_rng(0).integers(55, 255, (48, 48)).astype(np.uint8)
+    changes = {"target.pixels": [48, 48], "lens.rear.freeform.spans": [7, 7]}
+    system, start = resolved(small_system(tmp_path, AUTOMATIC | changes, noise), backend)
+    assert system.freeforms[-1].finest > 3
+    known = TransportStart(system, backend)
+    fits = start.finest_fit(), known.finest_fit()
+    assert np.array_equal(*(fit.sag.coefficients for fit in fits))
+
+
 @pytest.mark.slow
 def test_detail_that_the_blur_hides_takes_no_levels(tmp_path, backend):
     """Squares of 6 pixels: a spot of a third of a pixel leaves them, one of 17 pixels does not."""
