@@ -127,9 +127,12 @@ class ParallelStart:
         landing = self._refraction.landing(self._points(sag), light.direction, slopes)
         beside = [(q - a) / h for q, a, h in zip(landing, arrival, wanted.half)]
         density = self._density(wanted.flux, self.counts)
-        share = passing_share(self.path.surfaces[self.path.shaped], self._refraction, light.direction, slopes)
+        shaped = self.path.shaped
+        share = passing_share(self.path.surfaces[shaped], self._refraction, light.direction, slopes)
+        height = self._points(sag)[2]
+        reaching = np.exp(-self.path.media[shaped].absorption * (height - height.min()))
         sent = wanted.relative(arrival)
-        asked = prewarped(density, sent, beside, light.flux, share=share)
+        asked = prewarped(density, sent, beside, light.flux, share=share * reaching)
         change = np.linalg.norm(asked / asked.mean() - density / density.mean())
         enough = CHANGE if self.system.lens.rear.outline.is_rectangle else CHANGE_WITHIN
         much = change > enough * np.linalg.norm(density / density.mean())

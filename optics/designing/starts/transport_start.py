@@ -25,7 +25,7 @@ from optics.designing.starts.path_light import light_on
 from optics.designing.starts.path_start import MOST_ROUNDS, Picture, shaped_along
 from optics.designing.starts.rear_light import DARK, RearLight, as_many_within
 from optics.light.blur import aimed
-from optics.scene.problem import Freeform, Problem
+from optics.scene.problem import Freeform
 from optics.scene.receivers import lit_part
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats

@@ -140,7 +140,7 @@ class Tracer:
         )
 
     def at(self, surface: int, coefficients: Coefficients | None = None) -> tuple[Hits, Vector, DrArray]:
-        """Return (Hits of a surface, directions before it, flux before it, zero for rays that miss).
+        """Return (Hits of a surface, directions before it, flux that reaches it, zero for rays that miss).
 
         surface : its number along the path; directions are in its frame.
 
@@ -154,9 +154,10 @@ class Tracer:
                 _, rays = self._over(k, rays, None)
         else:
             _, rays = self._follow(coefficients, surface)
-        hits = self._surfaces[surface].meet(rays, self._nets(coefficients)[surface])
+        met = self._surfaces[surface]
+        hits = met.meet(rays, self._nets(coefficients)[surface])
         hit, _, _ = self._kept(surface, rays, hits)
-        return hits, rays.direction, self._backend.dr.select(hit, rays.flux, 0)
+        return hits, rays.direction, self._backend.dr.select(hit, met.reaching(rays, hits), 0)
 
     def _follow(self, coefficients: Coefficients | None, stop: int) -> tuple[list[Step], DeviceRays]:
         """Return the steps over the surfaces before number `stop`, and the rays behind them."""

@@ -121,7 +121,7 @@ class TracedSurface:
         direction, share, goes_on = self.turned(rays.direction, slopes)
         if self.surface.kind == "refract":
             goes_on = goes_on & (direction[2] > 0)
-        reaching = self._left(rays, hits)
+        reaching = self.reaching(rays, hits)
         passing = reaching * share * self._rim(hits)
         leaving = dr.select(hit & goes_on, passing, 0)
         return Passage(rays, hits.found, hit, goes_on, reaching, leaving, blocked), direction
@@ -134,7 +134,7 @@ class TracedSurface:
             share = self._backend.dr.select(goes_on, self._backend.Float(self.surface.share), 0)
         return out, share, goes_on
 
-    def _left(self, rays: DeviceRays, hits: Hits) -> DrArray:
+    def reaching(self, rays: DeviceRays, hits: Hits) -> DrArray:
         """Return the flux that absorption leaves of rays on their way to the surface, exp(-a t)."""
         if self._absorption is None:
             return rays.flux

@@ -207,6 +207,21 @@ def test_the_finest_mesh_is_seen(tmp_path, backend, level):
     assert seen_functions(start.finest_fit().sag.space, light.x, light.y).mean() > 0.8
 
 
+CONE = {"source.kind": "point", "source.half_angle": 16.0, "source.distance": 30.0}
+
+
+@pytest.mark.parametrize("source", [{}, CONE], ids=["parallel", "cone"])
+def test_absorption_is_made_up_for(tmp_path, backend, source):
+    """A picture darker to one side asks for a wedge of glass, which takes a share of the light along it."""
+    ramp = np.tile(np.linspace(60, 255, 48).astype(np.uint8), (48, 1))
+    off = []
+    for absorption in (0.0, 0.03):
+        changes = source | {"lens.absorption": absorption, "lens.rear.freeform.z_freedom": 9.0}
+        system = small_system(tmp_path, changes, ramp)
+        off.append(measure(system, fitted(system, backend), backend).metrics["rel_l2"])
+    assert off[1] < 1.2 * off[0]
+
+
 def test_the_base_conic_does_not_matter(tmp_path, backend):
     """The same light from a plane and from a paraboloid as base: the sag makes up for it."""
     points = []
