@@ -108,7 +108,7 @@ def stage_objective(
     around = None if background is None else background.image
     if background and background.within:
         model = JointModel(model, background.within, background.before)
-    return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones)
+    return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones, stage.parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,22 +159,24 @@ def penalised_objective(
     background: Floats | None = None,
     far_sighted: bool = False,
     zones: ZoneLoss | None = None,
+    parts: int = 1,
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
-    options, limits, parts = system.problem.optimizer, system.problem.limits, []
+    options, limits, shapes = system.problem.optimizer, system.problem.limits, []
     for (optic, shape), crosses in zip(system.free_elements(lens), can_cross(system)):
         kept = crosses and not limits.thickness
         own = replace(limits, thickness=THINNEST * shape.thickness) if kept else limits
-        parts.append(limited_part(optic, shape, own))
+        shapes.append(limited_part(optic, shape, own))
     return Objective(
         model,
         target,
         lost_flux_weight=options.lost_flux_weight,
         dark_flux_weight=options.dark_flux_weight,
-        shape=shape_penalty(parts, options.roughness_weight),
+        shape=shape_penalty(shapes, options.roughness_weight),
         background=background,
         far_sighted=far_sighted,
         zones=zones,
+        parts=parts,
     )
 
 

@@ -16,6 +16,9 @@ A far-sighted objective takes (D, W D) in place of ||D||^2 for the difference D 
 the norm of H^-1, to which the Wasserstein distance tends as E nears T: light that is missing somewhere
 attracts light from afar, and ripples of few pixels count little.  Pixels are the unit of length.
 
+Where pixels have parts, D is on these, and what differs within a pixel counts WITHIN as much as its mean:
+W = P + WITHIN (1 - P), with P the means over pixels.
+
 Source: R. Peyre, Comparison between W2 distance and H^-1 norm, and localization of Wasserstein distance,
 ESAIM: COCV 24 (2018).
 """
@@ -34,6 +37,10 @@ from optics.designing.penalties import ShapePenalty
 from optics.light.engines import Light, LightModel
 from thbcad.checks import Floats
 from thbcad.splines import KnotVector
+
+# with 0.3 pictures on few pixels have four times as much rel_l2 (noise on 48 x 48), with 0.01 a ramp is more
+# uneven within pixels by half
+WITHIN = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +62,7 @@ class Objective:
     target, background : irradiance on the screen's pixels without margin, W/mm^2.
     far_sighted : it takes the norm of H^-1.
     zones : what those of the target add.
+    parts : of every pixel, in each direction, that are the screen's pixels.
     """
 
     def __init__(
@@ -67,8 +75,9 @@ class Objective:
         background: Floats | None = None,
         far_sighted: bool = False,
         zones: ZoneLoss | None = None,
+        parts: int = 1,
     ) -> None:
-        self._zones = zones
+        self._zones, self._parts = zones, parts
         self._model, self._shape, self._dark = model, shape, dark_flux_weight
         self._weights = _of_h_minus_1(model.screen.padded) if far_sighted else None
         screen = model.screen
@@ -144,8 +153,8 @@ class Objective:
     def _penalised(self, light: Light) -> tuple[float, float, Floats]:
         """Return (loss without the shape, fit, the loss's derivative by the image)."""
         difference = light.image - self._missing
-        fit = self._norm * float(np.vdot(difference, difference))
-        weighted = self._weighted(difference)
+        seen, weighted = self._of_pixels(difference), self._weighted(difference)
+        fit = self._norm * float(np.vdot(seen, seen))
         charged = fit if weighted is difference else self._norm * float(np.vdot(difference, weighted))
         loss = charged + self._lost_weight * light.lost + self._dark
         loss -= float(np.vdot(light.image, self._reward))
@@ -154,8 +163,18 @@ class Objective:
     def _weighted(self, image: Floats, power: float = 1.0) -> Floats:
         """Return W^power of an image, (rows, columns)."""
         if self._weights is None:
-            return image
+            share = WITHIN**power
+            return image if self._parts == 1 else share * image + (1 - share) * self._of_pixels(image)
         return np.asarray(idctn(self._weights**power * dctn(image, norm="ortho"), norm="ortho"))
+
+    def _of_pixels(self, image: Floats) -> Floats:
+        """Return the means of an image over whole pixels, (rows, columns)."""
+        if self._parts == 1:
+            return image
+        rows, columns = (n // self._parts for n in image.shape)
+        by_pixel = (rows, self._parts, columns, self._parts)
+        means = image.reshape(by_pixel).mean(axis=(1, 3), keepdims=True)
+        return np.broadcast_to(means, by_pixel).reshape(image.shape)
 
 
 def _of_h_minus_1(shape: tuple[int, int]) -> Floats:

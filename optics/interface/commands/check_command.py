@@ -58,7 +58,8 @@ def check(options: Namespace) -> Outcome:
             *expectation_lines(system, expectation),
         ]
         lines += [
-            f"level {s.level}: {_by(s.screen.pixels)} pixels, {_by(s.rays)} rays, {s.iterations} iterations"
+            f"level {s.level}: {_by(s.pixels)} pixels{f' of {_by([s.parts] * 2)} parts' * (s.parts > 1)}, "
+            f"{_by(s.rays)} rays, {s.iterations} iterations"
             for s in plan
         ]
         if options.explain:
@@ -102,7 +103,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
         "levels": [
             {
                 "level": s.level,
-                "pixels": list(s.screen.pixels),
+                "pixels": s.pixels,
                 "rays": list(s.rays),
                 "iterations": s.iterations,
             }

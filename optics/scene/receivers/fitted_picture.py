@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.sparse import csr_array
 
 from thbcad.checks import Floats
@@ -32,6 +33,19 @@ def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str 
     for start in range(0, pixels[1], BAND):
         fitted[start : start + BAND] = (by_column @ by_rows[start : start + BAND].T).T
     return fitted
+
+
+def divided(light: Floats, parts: int) -> Floats:
+    """Return pixels' light in parts x parts of each, (parts rows, parts columns), whose means are that light.
+
+    It is the slope of its sums, a monotone cubic interpolation along one axis and then the other: smooth
+    light goes on smoothly, and none is negative.
+    """
+    for axis, count in enumerate(light.shape):
+        sums = np.insert(np.cumsum(light, axis=axis), 0, 0.0, axis=axis)
+        ends = np.arange(parts * count + 1) / parts
+        light = parts * np.diff(PchipInterpolator(np.arange(count + 1), sums, axis=axis)(ends), axis=axis)
+    return light
 
 
 def _overlap(count: int, extent: float, pixels: int) -> csr_array:

@@ -20,6 +20,7 @@ from optics.scene.receivers import (
     Screen,
     Sphere,
     ZoneRow,
+    divided,
     fit_picture,
     formula_light,
     formula_pixels,
@@ -176,13 +177,13 @@ class LightTarget:
         """Whether light is asked for by direction, in degrees, and not in a plane."""
         return self.receiver.far_field
 
-    def screen(self, coarsening: int = 1, margin: int = 0) -> Screen:
+    def screen(self, coarsening: int = 1, margin: int = 0, parts: int = 1) -> Screen:
         """Return the Screen of the target, with pixels merged `coarsening` times in each direction.
 
-        margin : of dark pixels around it.
+        margin : of dark pixels around it.  parts : of every pixel in each direction, as pixels of their own.
         """
-        columns, rows = (-(-n // coarsening) for n in self.settings.pixels)
-        return Screen(self.settings.half_width, (columns, rows), margin, self.receiver)
+        columns, rows = (parts * -(-n // coarsening) for n in self.settings.pixels)
+        return Screen(self.settings.half_width, (columns, rows), parts * margin, self.receiver)
 
     def of_light(self, screen: Screen, irradiance: Floats) -> LightTarget:
         """Return a target on the same receiver that asks for a given irradiance on a screen's pixels."""
@@ -194,8 +195,22 @@ class LightTarget:
         return target
 
     def irradiance(self, screen: Screen, flux: float) -> Floats:
-        """Return the target irradiance on a screen's pixels, see `target_irradiance`."""
+        """Return the target irradiance on a screen's pixels, or on their parts, see `target_irradiance`."""
+        parts = screen.pixels[0] // self.settings.pixels[0]
+        if parts > 1:
+            return target_irradiance(self._light_within(parts), screen, "stretch", flux)
         return target_irradiance(self.light, screen, self.settings.placing, flux)
+
+    def _light_within(self, parts: int) -> Floats:
+        """Return the light of parts x parts of each pixel: the region or formula, or `divided` light."""
+        target = self.settings
+        columns, rows = target.pixels
+        if target.kind == "tophat":
+            return uniform_region(target.shape, (parts * columns, parts * rows), target.lit)
+        if target.kind == "function":
+            return formula_light(target.formula, (parts * columns, parts * rows))
+        aspect = target.half_width[0] / target.half_width[1]
+        return divided(fit_picture(self.light, target.pixels, aspect, target.placing), parts)
 
 
 def target_irradiance(light: Floats, screen: Screen, fit: str, flux: float) -> Floats:

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 from PIL import EpsImagePlugin, Image
 
 from optics.base.runtime import UserError
-from optics.scene.receivers.fitted_picture import fit_picture
+from optics.scene.receivers.fitted_picture import divided, fit_picture
 from optics.scene.receivers.picture import LUMINANCE, read_picture
 from optics.scene.receivers.screen import Screen
 from optics.scene.system import target_irradiance
@@ -230,6 +230,30 @@ def test_more_pixels_than_the_picture_has_repeat_its_pixels():
     np.testing.assert_allclose(
         fit_picture(light, (12, 12), 1.0), light.repeat(4, axis=0).repeat(4, axis=1), rtol=1e-14
     )
+
+
+@given(
+    size=st.tuples(st.integers(1, 12), st.integers(1, 12)), parts=st.integers(1, 5), seed=st.integers(0, 99)
+)
+@settings(deadline=None)
+def test_parts_of_pixels_have_their_light(size, parts, seed):
+    light = np.maximum(np.random.default_rng(seed).uniform(-1, 1, size), 0)
+    found = divided(light, parts)
+    means = found.reshape(size[0], parts, size[1], parts).mean(axis=(1, 3))
+    np.testing.assert_allclose(means, light, atol=1e-12)
+    assert found.min() >= -1e-12
+
+
+def test_parts_of_smooth_light_are_smooth():
+    """Means of a formula on pixels give those on their parts, but for the border."""
+
+    def means(count):
+        ends = np.linspace(0, 1, count + 1)
+        return np.outer(*[np.diff(ends + np.sin(3 * ends) / 5) * count] * 2)
+
+    off = np.abs(divided(means(32), 4) / means(128) - 1)
+    assert off[4:-4, 4:-4].max() < 2e-3
+    assert off.max() < 0.01
 
 
 def test_light_on_pixels_of_its_own_is_kept_bit_for_bit():
