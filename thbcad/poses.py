@@ -112,6 +112,25 @@ class Pose(Value):
             rotation = Rotation.from_euler("XYZ", degrees, degrees=True).as_matrix()
         return cls(rotation, shift)
 
+    @classmethod
+    def facing(cls, position: ArrayLike, direction: ArrayLike) -> Pose:
+        """Return a shift of a body whose +z is then turned straight to a direction, of any length.
+
+        position : mm.
+
+        Raises ValueError : a direction of length 0.
+
+        >>> Pose.facing((0, 0, 5), (2, 0, 0)).directions(np.array([0.0, 0.0, 1.0])).round(15).tolist()
+        [1.0, 0.0, 0.0]
+        """
+        towards = _three("direction", direction)
+        if not towards.any():
+            raise ValueError("a direction must not be three zeros")
+        x, y, z = towards / np.linalg.norm(towards)
+        across = np.hypot(x, y)
+        angle, (i, j) = np.arctan2(across, z), (-y / across, x / across) if across else (1.0, 0.0)
+        return cls.at(position, (angle * i, angle * j, 0.0))
+
     @property
     def tilt(self) -> tuple[float, float, float]:
         """The degrees from which `tilted` makes the rotation; the last is 0 where many would do."""

@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import assume, example, given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from thbcad import Pose
@@ -65,6 +65,19 @@ def test_a_tilt_turns_about_own_axes_one_after_the_other(tilt, position):
     assert apart(pose, one_by_one) < LAW
     wanted = Rotation.from_euler("XYZ", tilt, degrees=True).apply(SOME.T).T
     assert np.abs(pose.directions(SOME) - wanted).max() < 10 * LAW
+
+
+@given(direction=triples, position=triples)
+@example(direction=(0, 0, -2), position=(1, 2, 3))
+def test_a_body_that_faces_a_direction_is_turned_straight_to_it(direction, position):
+    direction = np.array(direction, float)
+    assume(np.linalg.norm(direction) > 1e-3)
+    pose = Pose.facing(position, direction)
+    assert (pose.shift == position).all()
+    np.testing.assert_allclose(pose.rotation[:, 2], direction / np.linalg.norm(direction), atol=1e-12)
+    assert abs(pose.rotation_vector[2]) < 1e-9  # of all rotations that do so the smallest
+    with pytest.raises(ValueError, match="three zeros"):
+        Pose.facing(position, 0.0 * direction)
 
 
 @given(pose=poses | shifts)

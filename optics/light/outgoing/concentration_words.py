@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from optics.light.outgoing.concentration import SUNLIGHT, Concentration
+from optics.light.outgoing.straight_light import faces_into_air
 from optics.scene.system import OpticalSystem
 
+PLACES = 2  # of lengths in mm that are said
 KW_PER_M2 = 1000.0  # in W/mm^2
 IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/sources.md)
 
@@ -14,22 +16,30 @@ def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
     first = "of the beam" if system.source.beam else f"on {_the(system.problem.face_names[0])}"
+    start, *more = faces_into_air(system.problem)
+    end = _length(found.searched)
+    if more:
+        end = f"{_away(system, more[-1], found.searched)}, from {_the(system.problem.face_names[start])} on"
     return (
         f"greatest concentration of light: {found.times:.3g} times that {first}, "
-        f"{light}{sun}, {_length(found.behind)} {_place(system)} vertex (mean over {found.disk:.2g} mm, "
-        f"without losses; searched up to {_length(found.searched)})"
+        f"{light}{sun}, {_away(system, found.face, found.behind)} vertex (mean over {found.disk:.2g} mm, "
+        f"without losses; searched up to {end})"
     )
 
 
 def _length(mm: float) -> str:
-    return f"{round(mm, 2) + 0.0:g} mm"  # no -0
+    return f"{round(mm, PLACES) + 0.0:g} mm"  # no -0
 
 
-def _place(system: OpticalSystem) -> str:
-    """Return from where the way of light is counted."""
-    last = system.problem.faces_met[-1]
-    side = "before" if last.reflects or last.backwards else "behind"
-    return f"{side} {_the(system.problem.face_names[-1])}"
+def _away(system: OpticalSystem, face: int, mm: float) -> str:
+    """Return how far a place lies before or behind the vertex of a face.
+
+    face : the number of that which light left.  mm : along its way from there; it may be reflected before the
+        plane of the vertex, by a turned or deep mirror.
+    """
+    left = system.problem.faces_met[face]
+    before = (left.reflects or left.backwards) != (round(mm, PLACES) < 0)
+    return f"{_length(abs(mm))} {'before' if before else 'behind'} {_the(system.problem.face_names[face])}"
 
 
 def _the(face: str) -> str:
@@ -45,7 +55,7 @@ def fire_warning(system: OpticalSystem, found: Concentration) -> str:
     if not hot:
         return ""
     return (
-        f"light that may start a fire: {' and '.join(hot)}, {_length(found.behind)} {_place(system)} "
+        f"light that may start a fire: {' and '.join(hot)}, {_away(system, found.face, found.behind)} "
         f"(wood may burn from about {IGNITING:g} kW/m^2 on); "
         "keep everything out of there, and cover the lens while nobody watches it"
     )

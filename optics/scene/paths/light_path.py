@@ -190,11 +190,7 @@ class LightPath:
     def leaving(self) -> Pose:
         """The frame at the vertex of the last surface from which +z goes to the middle of the receiver."""
         vertex = self.surfaces[-1].pose.shift
-        towards = np.array(self.receiver.toward(vertex, 0.0, 0.0))
-        x, y, z = towards / np.linalg.norm(towards)
-        across = np.hypot(x, y)
-        angle, (i, j) = np.arctan2(across, z), (-y / across, x / across) if across else (1.0, 0.0)
-        return Pose.at(vertex, (angle * i, angle * j, 0.0))
+        return Pose.facing(vertex, self.receiver.toward(vertex, 0.0, 0.0))
 
     def onto(self, receiver: Receiver) -> LightPath:
         """Return the path to another receiver."""

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import pi, radians, tan
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -196,6 +197,91 @@ def test_a_plane_mirror_concentrates_nothing_however_it_is_turned(backend, tilt)
     )
     system = OpticalSystem(problem)
     assert greatest_concentration(system, system.lens, backend).times == pytest.approx(1.0, rel=2e-2)
+
+
+LENS = {
+    "kind": "lens",
+    "name": "L1",
+    "index": 1.5,
+    "thickness": 6.0,
+    "front": {"half_width": (10, 10)},
+    "rear": {"half_width": (10, 10), "radius": -200.0, "conic": -2.25, "freeform": {"z_freedom": 1.0}},
+}
+
+
+def folded(first, second, half=15, rear=MappingProxyType({})):
+    """Return the system of a lens with its focus, and of two plane mirrors at 45 degrees.
+
+    first, second : mm from the rear to a mirror, and from that to the other one.  half : mm, of their faces.
+    """
+    plane = {"half_width": (half, half), "radius": np.inf, "conic": 0.0, "freeform": False}
+    z = 6.0 + first
+    places = ((0, 0, z), (45, 0, 0)), ((0, second, z), (225, 0, 0))  # +z goes on along +y, and that along +z
+    mirrors = [
+        {"kind": "mirror", "name": f"M{k}", "position": at, "tilt": tilt, "thickness": 4, "face": plane}
+        for k, (at, tilt) in enumerate(places, 1)
+    ]
+    end = (0, second, z + 480 - first - second)
+    return OpticalSystem(
+        Problem(
+            source={"kind": "collimated", "half_width": (9.5, 9.5), "distance": 20},
+            element=[LENS | {"rear": LENS["rear"] | rear}, *mirrors],
+            target={"kind": "tophat", "position": end, "half_width": (10, 10), "pixels": (8, 8)},
+        )
+    )
+
+
+@pytest.mark.parametrize(("at", "place"), [(440, "behind L1.rear"), (100, "behind L2.rear")])
+def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
+    """It puts off what it lies before by t - t / n = 2 mm, and begins `at` mm behind the rear."""
+    _, alone = concentrated(BURNING)
+    plane = {"half_width": (10, 10), "radius": np.inf, "conic": 0.0, "freeform": False}
+    window = {"kind": "lens", "name": "L2", "position": (0, 0, 6 + at), "index": 1.5, "thickness": 6.0}
+    elements = [LENS, window | {"front": {"half_width": (10, 10)}, "rear": plane}]
+    target = {"kind": "tophat", "position": (0, 0, 486), "half_width": (10, 10), "pixels": (8, 8)}
+    source = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 20}
+    system = OpticalSystem(Problem(source=source, element=elements, target=target))
+    found = greatest_concentration(system, system.lens, backend)
+    assert found.times == pytest.approx(alone.times, rel=1e-3)
+    assert found.behind == pytest.approx(FOCUS + (0 if "L1" in place else 2 - at - 6), abs=20)
+    assert f" mm {place} vertex" in concentration_sentence(system, found)
+
+
+@pytest.mark.parametrize(
+    ("ways", "place"),
+    [
+        ((440, 20), "behind L1.rear"),
+        ((440, 20, 0.3), "behind L1.rear"),  # nine tenths of the light pass beside the mirror
+        ((FOCUS, 40), "behind L1.rear"),  # on the first mirror itself
+        ((100, 340), "before M1.face"),
+        ((100, 100), "before M2.face"),
+    ],
+)
+def test_plane_mirrors_fold_a_focus_and_its_warning_with_it(concentrated, backend, ways, place):
+    _, alone = concentrated(BURNING)
+    system = folded(*ways)
+    found = greatest_concentration(system, system.lens, backend)
+    assert found.times == pytest.approx(alone.times, rel=1e-3)
+    gone = {"L1": 0, "M1": ways[0], "M2": ways[0] + ways[1]}[place[7:9]]
+    assert found.behind == pytest.approx(FOCUS - gone, abs=20)  # where the beam is narrower than the disk
+    where = f"{round(found.behind, 2):g} mm {place} "
+    assert f"{where}vertex (mean over 1 mm" in concentration_sentence(system, found)
+    assert f"{where}(wood may burn" in fire_warning(system, found)
+
+
+def test_the_sentence_says_from_where_to_where_several_elements_were_searched(backend):
+    system = folded(100, 100)
+    found = greatest_concentration(system, system.lens, backend)
+    assert "searched up to 280 mm before M2.face, from L1.rear on)" in concentration_sentence(system, found)
+
+
+def test_light_that_meets_close_to_a_turned_mirror_is_found(concentrated, backend):
+    """Rays of a sphere meet 2 mm from the mirror, which others leave 10 mm farther along the way."""
+    _, alone = concentrated(BURNING | {"lens.rear.radius": -20.0, "lens.rear.conic": 0.0})
+    system = folded(alone.behind - 2, 100, rear={"radius": -20.0, "conic": 0.0})
+    found = greatest_concentration(system, system.lens, backend)
+    assert found.times == pytest.approx(alone.times, rel=0.02)
+    assert found.behind == pytest.approx(2, abs=0.5)
 
 
 def test_light_is_followed_to_a_target_however_far(concentrated):
