@@ -13,7 +13,12 @@ from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
 from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.freedom_note import freedom_note, gentler_geometries, is_gentle
+from optics.designing.prediction.freedom_note import (
+    freedom_note,
+    gentler_geometries,
+    is_gentle,
+    narrow_rear_note,
+)
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportStart
@@ -130,7 +135,8 @@ def expected(
         mass=mass(volume, optic.density) if optic.density else None,
         sag=max(each.asked for each in (fit, first, start.traced) if each is not None),
         freedom=system.freeforms[-1].freedom,
-        note=freedom_note(system, backend, start, [fit, first]) if first else "",
+        note=(first and freedom_note(system, backend, start, [fit, first]))
+        or narrow_rear_note(system, lens, backend, fates.missed_rear / flux),
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,

@@ -1,23 +1,29 @@
-"""What helps where a design cannot take the sag of its transport map whole: more z_freedom, a thicker lens,
-light that is bent less.  Whatever is proposed beside z_freedom alone was tried."""
+"""What helps where a design cannot take the sag of its transport map whole, or its rear the light: more
+z_freedom, a thicker lens, light that is bent less, a wider rear.  Whatever is proposed beside z_freedom alone
+was tried."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from math import ceil
 from typing import Any
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import first_fit, transmitted_flux
 from optics.designing.starts import STEEP, TransportFit, TransportStart
+from optics.light.outgoing import least_half_widths
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, can_be_lit, nearest_geometry, solvable_system
+from thbcad.lens import Lens
 
 SURELY = 0.9  # of STEEP: the map to another place, and its height, are a little different
 TRIES = 4  # of maps, whose light spreads elsewhere in a lens that is thicker
 CLEAR = 1.1  # times the overlap of the surfaces: a thicker lens asks for a little more sag
 APART = 0.05  # of the thickness, that is left between them
+MISSED = 0.005  # of the light, beside the rear
+WIDER, RIM = 1.5, 1.02  # times a half-width of the rear, that is tried; times that which light needs there
 PASSING = 0.98  # of the light, at least, that passed before: a thicker lens may let some pass beside its rear
 
 
@@ -40,6 +46,28 @@ def freedom_note(
     else:
         return note
     return start.note(*fits, remedies=[o for way in ways if (o := _tried(system, backend, way))])
+
+
+def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed: float) -> str:
+    """Return a sentence on the rear that takes the light which a free front sends beside it, or "".
+
+    lens : of the map.  missed : share of the light that misses surfaces behind the first.
+    """
+    key = system.problem.optic.key("rear") + ".half_width"
+    if system.shaped != "front" or system.reflects or missed < MISSED:
+        return ""
+    said = f"{missed:.1%} of the light would miss the rear on its way to where the transport map sends it"
+    half = [WIDER * h for h in system.lens.rear.half_width]
+    try:
+        other = solvable_system(system.problem.with_(**{key: half}), system.own)
+        least = least_half_widths(other, other.lens.with_sags(lens.sags), backend)
+    except (UserError, ValueError):
+        return f"{said}: make {key} larger"
+    needed = least[system.problem.face_names[-1]]
+    if any(n > h for n, h in zip(needed, half)):
+        return f"{said}: make {key} larger"
+    sides = [max(h, ceil(10 * RIM * n) / 10) for n, h in zip(needed, system.lens.rear.half_width)]
+    return f"{said}; --set {shlex.quote(f'{key}={_text(sides)}')} takes it"
 
 
 def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:

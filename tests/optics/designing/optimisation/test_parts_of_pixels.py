@@ -67,7 +67,7 @@ def test_what_differs_within_pixels_counts_less():
 
 
 def test_light_is_as_smooth_within_pixels_as_asked_for(tmp_path, backend):
-    """On pixels a quarter as wide the same lens has little more rel_l2 (0.025 without parts): 56 spans on 24 pixels."""
+    """On pixels a quarter as wide the same lens has little more: 56 spans on 24 pixels (0.025 without)."""
     rear = {"lens.rear.freeform.spans": [7, 7], "lens.rear.freeform.max_level": 3}
     rear |= {"lens.rear.freeform.z_freedom": 5.0, "optimizer.iterations": [24]}
     system = small_system(tmp_path, FORMULA | rear)

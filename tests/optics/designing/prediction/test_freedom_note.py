@@ -11,7 +11,7 @@ from optics.designing.starts import STEEP, TransportStart
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem, solvable_system
-from tests.optics.cases import small_system
+from tests.optics.cases import flat_problem, small_system
 from tests.optics.designing.optimisation.cases import designed
 
 pytestmark = pytest.mark.usefixtures("coarse_concentration")
@@ -72,6 +72,23 @@ def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp
     assert any(option.startswith("target.") for option in options)
     other = OpticalSystem(problem)
     assert TransportStart(other, backend).lost(other) <= STEEP
+
+
+def test_a_fixed_rear_that_light_misses_is_proposed_wider(backend):
+    """As wide as takes all of it: a free front spreads a beam of nearly the width of both faces."""
+    front = {"half_width": (10, 10), "freeform": {"spans": (5, 5), "max_level": 1, "z_freedom": 4.0}}
+    target = {"kind": "function", "formula": "exp(-2*r^2) + 0.1", "half_width": (20, 20), "distance": 100}
+    beam = {"kind": "collimated", "half_width": (9.5, 9.5)}
+    rear = {"half_width": (10, 10), "freeform": False}
+    lens = {"front": front, "rear": rear, "thickness": 12}
+    system = solvable_system(flat_problem(beam, target, lens))
+    found, _ = expected(system, backend)
+    said, share = found.note, re.match(r"([\d.]+)% of the light would miss the rear", found.note)[1]
+    assert float(share) == pytest.approx(100 * (0.9216 - found.efficiency - found.stray), abs=0.5)
+    problem, _ = followed(system.problem, said.replace("; --set", ": --set").removesuffix(" takes it"))
+    other, _ = expected(solvable_system(problem), backend)
+    assert other.note == ""
+    assert other.efficiency + other.stray > 0.92
 
 
 @pytest.mark.slow
