@@ -58,8 +58,8 @@ class Expectation:
         (None without extent).
     from_transport : the design starts from the whole transport map.
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
-        cuts it off, where rays spread in the lens, on a target that does not lie across the axis, and of
-        textures on a mesh that is coarse for their pixels.
+        cuts it off, where rays spread in the lens, on a target that does not lie across the axis, of textures
+        on a mesh that is coarse for their pixels, and where pictures of several lenses are displaced.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
@@ -201,7 +201,8 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
 def _is_known(system: OpticalSystem) -> bool:
     """Return whether the regression of `predicted_rel_l2` was made of such light."""
     zones = system.target.settings.kind == "zones"
-    return system.parallel and not (system.blurred or zones) and system.target.receiver.across_axis
+    summed = system.blurred or zones or len(system.seen_receivers) > 1
+    return system.parallel and not summed and system.target.receiver.across_axis
 
 
 def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:

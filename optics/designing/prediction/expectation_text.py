@@ -91,11 +91,14 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
-    start = f"the {'start' if expected.from_transport else 'map'} has {expected.start_rel_l2:.2g}"
+    whose = " of all lenses" if len(system.seen_receivers) > 1 else ""
+    start = f"the {'start' if expected.from_transport else 'map'}{whose} has {expected.start_rel_l2:.2g}"
     if system.target.settings.kind == "zones":
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"
     if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
+    if whose:
+        return f"rel_l2: not predicted for a plate, whose pictures are displaced; {start}"
     if expected.rel_l2 is None:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
         across = system.parallel and system.target.receiver.across_axis

@@ -69,9 +69,11 @@ def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits
     # light may come a little nearer where a spot is few pixels wide, since it need not aim at their middles
     sure = blur is not None and blur.width >= WIDE * blur.pixel
     word, why = (WILL, "the blur allows") if sure else (MAY, "one blur leaves")
+    together = expected.start_rel_l2 if len(system.seen_receivers) > 1 else None
     known = [
         (word, blur.least if blur else None, why),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
+        (MAY, together, "the displaced pictures of all lenses have, at the start,"),
     ]
     for word, value, why in known:
         if value is None:

@@ -35,8 +35,9 @@ def light_before(
 ) -> tuple[SequentialFates, float | None]:
     """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
 
-    Light of a spectrum is that of all its wavelengths.  The fates of blurred light are those of the sharp
-    light on a target that is wider by the blur's reach.
+    Light of a spectrum is that of all its wavelengths, and light of a plate the mean of that of its lenses,
+    which is displaced on a plane.  The fates of blurred light are those of the sharp light on a target that
+    is wider by the blur's reach.
     coarsening : pixels that are merged in each direction.  path : another one through the lens.
     """
     seen, blurred, path = system.target.screen(coarsening), None, path or system.shaded_path(lens)
@@ -44,7 +45,12 @@ def light_before(
     if system.blurred:
         blurred, system = blur_of(system, path, backend).onto(seen), system.sharp
         screen = blurred.wide
-    lights, side = coloured(system, path), round(sqrt(RAYS))
+    receivers, side = system.seen_receivers, round(sqrt(RAYS))
+    lights = [
+        (share / len(receivers), way.onto(receiver))
+        for share, way in coloured(system, path)
+        for receiver in receivers
+    ]
     if system.source.extended:
         rays = system.source.rays((side, side))
         tracers = [(share, Tracer(backend, way, rays)) for share, way in lights]

@@ -10,7 +10,12 @@ from typing import Any
 from optics.base.runtime import Backend, UserError, device
 from optics.designing.etendue import bounds_hold, universal_bound
 from optics.designing.optimisation import Row
-from optics.designing.prediction import blur_limits, blur_sentence
+from optics.designing.prediction import (
+    blur_limits,
+    blur_sentence,
+    displaced_limits,
+    displaced_sentence,
+)
 from optics.designing.progress import Notes
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import (
@@ -105,6 +110,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     metrics = measurement.metrics | passing_share(system.path(lens))
     if system.problem.optic.array is not None:
         metrics |= crosstalk(system, lens, backend)
+    if displaced := displaced_limits(system):
+        notes(displaced_sentence(displaced, metrics["rel_l2_debiased"]))
     if system.blurred:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))

@@ -14,6 +14,8 @@ from optics.designing.prediction import (
     Expectation,
     blur_limits,
     blur_sentence,
+    displaced_limits,
+    displaced_sentence,
     expectation_lines,
     expected,
     foreseen_misses,
@@ -44,6 +46,7 @@ def check(options: Namespace) -> Outcome:
         data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
         picture, least = system.target.light, system.lens.least_thickness()
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
+        displaced = displaced_limits(system)
         missed = foreseen_misses(system, expectation, limits, backend)
         data["missed"] = missed
         asked = "picture" if system.problem.target.kind == "image" else "light asked for"
@@ -67,6 +70,9 @@ def check(options: Namespace) -> Outcome:
         if limits is not None:
             data["blur"] = asdict(limits)
             lines.append(f"blur: {blur_sentence(system, limits)}")
+        if displaced is not None:
+            data["displaced"] = asdict(displaced)
+            lines.append(f"plate: {displaced_sentence(displaced)}")
         lines += [
             f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))
         ]

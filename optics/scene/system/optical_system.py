@@ -26,6 +26,7 @@ from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
 from optics.scene.system.tracing_skips import Skip, skips
+from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
@@ -317,13 +318,23 @@ class OpticalSystem(Prescribed):
         return self.elsewhere(replace(self.problem, source=replace(source, flux=array.count * source.flux)))
 
     @property
+    def columns_and_rows(self) -> tuple[Floats, Floats]:
+        """Where the columns and the rows of a plate stand, mm from its middle, as far as its target tells.
+
+        One lens, and a plate before the far field, have one of each.
+        """
+        array = self.problem.optic.array
+        if array is None or self.target.far_field:
+            return np.zeros(1), np.zeros(1)
+        counts, pitches = (array.columns, array.rows), array.pitches
+        x, y = (np.asarray(p * (np.arange(n) - (n - 1) / 2), np.float64) for n, p in zip(counts, pitches))
+        return x, y
+
+    @property
     def seen_receivers(self) -> tuple[Receiver, ...]:
         """The receiver as every lens of a plate sees it, whose middle faces that of the target."""
-        receiver, array = self.target.receiver, self.problem.optic.array
-        if array is None or receiver.far_field:
-            return (receiver,)
-        steps = (p * (np.arange(n) - (n - 1) / 2) for n, p in zip((array.columns, array.rows), array.pitches))
-        return tuple(receiver.seen_from(Pose.at((x, y, 0.0))) for x, y in product(*steps))
+        places = product(*self.columns_and_rows)
+        return tuple(self.target.receiver.seen_from(Pose.at((x, y, 0.0))) for x, y in places)
 
     @cached_property
     def skips(self) -> tuple[Skip, ...]:
