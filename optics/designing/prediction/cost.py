@@ -19,7 +19,7 @@ START = 3.2  # s, for start, STEP file, measurement, checks and figures
 RAY = 0.066e-6  # s per ray and evaluation, where parallel rays meet the rear at known positions
 FUNCTION = 28.0e-6  # s per function of the finest mesh, in files and checks
 MAPPED = 6.0  # s more for a transport map of rays that are not parallel where they are shaped
-BLURRED = 1.8  # s more where light is blurred
+BLURRED = 1.8  # s more where light is blurred, or displaced
 IN_PLATE = 1.2  # s more for each lens of a plate, through which the crosstalk is traced
 SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
 # the peaks of overview.json and of the twenty pictures within 1.2 times
@@ -39,7 +39,7 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     functions = 1
     for axis in (0, 1):
         functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
-    more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred else 0.0)
+    more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred or system.displaced else 0.0)
     if system.problem.optic.array is not None:
         more += IN_PLATE * system.problem.optic.array.count
 

@@ -41,7 +41,7 @@ class DisplacedLimits:
 
 def displaced_limits(system: OpticalSystem) -> DisplacedLimits | None:
     """Return what displacement leaves of the target of a plate; None of one lens, and in the far field."""
-    if len(system.seen_receivers) == 1:
+    if not system.displaced:
         return None
     places = Displacements.of(system)
     screen = system.target.screen(-(-max(system.target.settings.pixels) // MOST_PIXELS))
@@ -70,10 +70,10 @@ def displaced_sentence(found: DisplacedLimits, reached: float | None = None) -> 
     if found.least is None:
         said += "; they are further apart than the target is wide"
     else:
-        least = f"has {found.least:.2g} at least" if found.least >= SMALL else "may have none"
-        said += f", light of one lens that is even on every pixel {least}"
+        least = f"allows {found.least:.2g} at least" if found.least >= SMALL else "may have none"
+        said += f"; the best light of one lens that is even on every pixel {least}"
     if reached is not None:
-        said += f"; this lens has {reached:.2g}"
+        said += f"; this plate has {reached:.2g}"
     if (found.plain if reached is None else reached) < SPOILT:
         return said
     return (

@@ -201,7 +201,7 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
 def _is_known(system: OpticalSystem) -> bool:
     """Return whether the regression of `predicted_rel_l2` was made of such light."""
     zones = system.target.settings.kind == "zones"
-    summed = system.blurred or zones or len(system.seen_receivers) > 1
+    summed = system.blurred or zones or system.displaced
     return system.parallel and not summed and system.target.receiver.across_axis
 
 

@@ -91,7 +91,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     if system.blurred:
         return f"rel_l2: not predicted for blurred light; the start, blurred, has {expected.start_rel_l2:.2g}"
-    whose = " of all lenses" if len(system.seen_receivers) > 1 else ""
+    whose = " of all lenses" if system.displaced else ""
     start = f"the {'start' if expected.from_transport else 'map'}{whose} has {expected.start_rel_l2:.2g}"
     if system.target.settings.kind == "zones":
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"

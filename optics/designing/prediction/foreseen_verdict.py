@@ -10,6 +10,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.designing.prediction.blurred_picture import BlurLimits, wider_picture
+from optics.designing.prediction.displaced_pictures import DisplacedLimits
 from optics.designing.prediction.expectation import Expectation
 from optics.light.analysis import contrast_error, picture_limit
 from optics.light.blur import spot_rms
@@ -24,14 +25,19 @@ ASIDE = 20  # degrees, from which on aiming the lens itself is worth a word: it 
 
 
 def foreseen_misses(
-    system: OpticalSystem, expected: Expectation, blur: BlurLimits | None, backend: Backend
+    system: OpticalSystem,
+    expected: Expectation,
+    blur: BlurLimits | None,
+    backend: Backend,
+    displaced: DisplacedLimits | None = None,
 ) -> list[str]:
     """Return a sentence for every limit that a design will miss, or may miss, for the remedy of a blur, and
     for a body that fails.
 
-    blur : what the blur leaves of the picture, where there is one.
+    blur, displaced : what the blur, and the displacement of a plate's lenses, leave of the picture, where
+        there are any.
     """
-    sentences = [*_of_the_error(system, expected, blur), *_wider(system, blur, backend)]
+    sentences = [*_of_the_error(system, expected, blur, displaced), *_wider(system, blur, backend)]
     region, limits, screen = system.target.uniform_region, system.problem.verify, system.target.screen()
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
         wide = spot_rms(system, system.lens, backend)
@@ -64,16 +70,17 @@ def _aside(system: OpticalSystem) -> str:
     return f"; the target's middle lies {angle:.0f} degrees off the axis: {remedy}" if angle > ASIDE else ""
 
 
-def _of_the_error(system: OpticalSystem, expected: Expectation, blur: BlurLimits | None) -> Iterator[str]:
+def _of_the_error(
+    system: OpticalSystem, expected: Expectation, blur: BlurLimits | None, displaced: DisplacedLimits | None
+) -> Iterator[str]:
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
     # light may come a little nearer where a spot is few pixels wide, since it need not aim at their middles
     sure = blur is not None and blur.width >= WIDE * blur.pixel
     word, why = (WILL, "the blur allows") if sure else (MAY, "one blur leaves")
-    together = expected.start_rel_l2 if len(system.seen_receivers) > 1 else None
     known = [
         (word, blur.least if blur else None, why),
         (MAY, expected.rel_l2, "about as much is to be expected:"),
-        (MAY, together, "the displaced pictures of all lenses have, at the start,"),
+        (MAY, displaced.least if displaced else None, "the displaced pictures of the lenses leave"),
     ]
     for word, value, why in known:
         if value is None:

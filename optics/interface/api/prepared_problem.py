@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from optics.base.runtime import Backend, UserError, load_backend
 from optics.designing.prediction import resolved
 from optics.designing.starts import TransportStart, spot_lens
-from optics.light.blur import aimed_through, blur_of
+from optics.light.blur import aimed_through, spreads_of
 from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
 from optics.scene.system import OpticalSystem
@@ -72,6 +72,7 @@ def shaping_by(
     """Return the system whose light a design traces, and the engine that does so.
 
     Where divergence or roughness blurs the light, that is the sharp system, and the engine blurs its light.
+    That of a plate before a plane aims with one lens, and the engine adds up its displaced light.
 
     Raises UserError : see `engine_of`.
     """
@@ -79,5 +80,7 @@ def shaping_by(
     chosen = engine_of(engine, sharp, backend)
     if sharp is system:
         return system, chosen
-    blur = blur_of(system, system.path(spot_lens(system, backend)), backend)
-    return aimed_through(system, blur), BlurredEngine(chosen, blur)
+    spreads = spreads_of(system, system.path(spot_lens(system, backend)), backend)
+    for spread in reversed(spreads):
+        chosen = BlurredEngine(chosen, spread)
+    return aimed_through(system, spreads), chosen

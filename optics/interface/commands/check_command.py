@@ -47,7 +47,7 @@ def check(options: Namespace) -> Outcome:
         picture, least = system.target.light, system.lens.least_thickness()
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         displaced = displaced_limits(system)
-        missed = foreseen_misses(system, expectation, limits, backend)
+        missed = foreseen_misses(system, expectation, limits, backend, displaced)
         data["missed"] = missed
         asked = "picture" if system.problem.target.kind == "image" else "light asked for"
         lines = [

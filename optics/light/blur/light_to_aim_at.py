@@ -1,4 +1,5 @@
-"""The sharp light to aim at where light is blurred: that whose blur comes nearest to the target.
+"""The sharp light to aim at where light is blurred, or displaced by the lenses of a plate: that whose blur
+comes nearest to the target.
 
     |K E - T|^2 / 2 + LOST sum over P of E_P (1 - (K' 1)_P)  ->  min,      0 <= E <= PEAK max T
 
@@ -16,13 +17,14 @@ at 0.110.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.blur.convolution import Blur, blur_of
+from optics.light.blur.displacements import Spread, spreads_of
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -35,26 +37,30 @@ STEPS = 200  # rel_l2 of the blurred light then falls by less than 1e-3 of itsel
 
 
 def aimed(system: OpticalSystem, lens: Lens, backend: Backend) -> OpticalSystem:
-    """Return the sharp system that stands for a blurred one, with its aim for the blur of a lens; another one
-    as it is."""
-    if not system.blurred:
+    """Return the sharp system that stands for a blurred one, or for a plate, with its aim for the blur of a
+    lens; another one as it is."""
+    if system.shaping is system:
         return system
-    return aimed_through(system, blur_of(system, system.path(lens), backend))
+    return aimed_through(system, spreads_of(system, system.path(lens), backend))
 
 
-def aimed_through(system: OpticalSystem, blur: Blur) -> OpticalSystem:
-    """Return the sharp system that stands for a blurred one, with the aim for a known blur.
+def aimed_through(system: OpticalSystem, spreads: Sequence[Spread]) -> OpticalSystem:
+    """Return the sharp system that stands for a blurred one, or for a plate, with the aim for known spreads.
 
     Raises UserError : see `Blur.widened`; before any work is done, and where the design would be measured.
     """
     target, merge = system.target, system.problem.optimizer.merge
-    blur.widened(target.screen())
-    screen = target.screen(merge * max(1, ceil(blur.reach(target.screen(merge)) / FARTHEST)))
-    wide, light = aimed_light(blur, screen, target.irradiance(screen, 1.0))
-    return replace(system.sharp, aim=target.of_light(wide, light))
+    for spread in spreads:
+        spread.widened(target.screen())
+    reach = max(spread.reach(target.screen(merge)) for spread in spreads)
+    screen = target.screen(merge * max(1, ceil(reach / FARTHEST)))
+    light = target.irradiance(screen, 1.0)
+    for spread in spreads:
+        screen, light = aimed_light(spread, screen, light)
+    return replace(system.sharp, aim=target.of_light(screen, light))
 
 
-def aimed_light(blur: Blur, screen: Screen, target: Floats) -> tuple[Screen, Floats]:
+def aimed_light(blur: Spread, screen: Screen, target: Floats) -> tuple[Screen, Floats]:
     """Return (a screen that is wider by the reach of the blur, the light to aim at on its pixels).
 
     target : (rows, columns) of the narrow screen, at any scale.

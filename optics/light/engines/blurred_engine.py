@@ -2,7 +2,8 @@
 
 A beam that diverges, and rough surfaces, ask for the mean over many directions.  Where the blur is nearly the
 same everywhere, one sharp image and a convolution do: exact cells stay free of noise, and an evaluation costs
-little more.  The convolution is symmetric, so that its adjoint is the same.
+little more.  The convolution is symmetric, so that its adjoint is the same.  The light of a plate is that of
+one lens, blurred by their places.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from optics.light.blur import Blur, BlurOnto
+from optics.light.blur import BlurOnto, Spread
 from optics.light.engines.light_model import Engine, Film, Light, LightModel
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
@@ -26,7 +27,7 @@ class BlurredEngine:
     """An `Engine` whose models blur the light of another's."""
 
     sharp: Engine
-    blur: Blur
+    blur: Spread
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> BlurredModel:
         """Return the light model of a sharp system, see `Engine`.
@@ -36,15 +37,19 @@ class BlurredEngine:
 
         Raises UserError : see `Blur.widened`.
         """
-        narrow = replace(film.screen, margin=0)
-        blurred = self.blur.onto(narrow, self.blur.parts(narrow, FINEST), film.screen.margin)
-        model = self.sharp.model(system, lens, replace(film, screen=blurred.wide))
+        narrow, margin = replace(film.screen, margin=0), film.screen.margin
+        parts, seen = self.blur.parts(narrow, FINEST), 0 if isinstance(self.sharp, BlurredEngine) else margin
+        blurred = self.blur.onto(narrow, parts, seen)  # blurred light that is displaced has no margin either
+        wide = replace(blurred.wide, margin=parts * margin)
+        model = self.sharp.model(system, lens, replace(film, screen=wide))
         return BlurredModel(model, blurred, narrow)
 
 
 def sharp_engine(engine: Engine) -> Engine:
     """Return the engine whose light another one blurs, or this one."""
-    return engine.sharp if isinstance(engine, BlurredEngine) else engine
+    while isinstance(engine, BlurredEngine):
+        engine = engine.sharp
+    return engine
 
 
 @dataclass(frozen=True, eq=False)

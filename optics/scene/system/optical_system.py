@@ -43,8 +43,8 @@ class OpticalSystem(Prescribed):
     Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
     `problem` is the one given, with numbers for what it leaves to the material of the lens.
     own : what a script brings in place of the source and the receiver that the problem describes.
-    aim : what the light of a sharp system is to be that stands for a blurred one, see `blur.aimed`;
-        None of other systems.
+    aim : what the light of a sharp system is to be that stands for a blurred one, or that of one lens of a
+        plate, see `blur.aimed`; None of other systems.
     shapes : of other free elements than the one that is shaped by a transport map, by name, where they are
         not as prescribed.
 
@@ -166,22 +166,24 @@ class OpticalSystem(Prescribed):
 
     @property
     def shaping(self) -> OpticalSystem:
-        """The system whose light a design traces: what blurs it is a convolution."""
-        return self.sharp if self.blurred else self
+        """The system whose light a design traces: what blurs or displaces it is a convolution."""
+        return self.sharp if self.blurred or (self.displaced and self.aim is None) else self
 
     @cached_property
     def sharp(self) -> OpticalSystem:
         """The system without the divergence of its beam and without roughness.
 
-        Where it stands for a blurred one, it aims at the target itself, as long as nothing is known of the
-        blur.
+        Where it stands for a blurred one, or for the lenses of a plate, it aims at the target itself, as long
+        as nothing is known of the blur.
         """
+        if not self.blurred:
+            return replace(self, aim=self.target if self.displaced else None)
         optic, source = self.problem.optic, self.problem.source
         smooth = {name: replace(getattr(optic, name), slope_rms=0.0) for name in ("front", "rear")}
         if self.source.diverging:
             source = replace(source, divergence=0.0, divergence_profile="uniform")
         problem = replace(self.problem.with_optic(**smooth), source=source)
-        return replace(self, problem=problem, aim=self.target if self.blurred else None)
+        return replace(self, problem=problem, aim=self.target)
 
     @cached_property
     def sources(self) -> tuple[LightSource, ...]:
@@ -329,6 +331,11 @@ class OpticalSystem(Prescribed):
         counts, pitches = (array.columns, array.rows), array.pitches
         x, y = (np.asarray(p * (np.arange(n) - (n - 1) / 2), np.float64) for n, p in zip(counts, pitches))
         return x, y
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the light is that of several lenses, whose pictures lie in several places."""
+        return any(places.size > 1 for places in self.columns_and_rows)
 
     @property
     def seen_receivers(self) -> tuple[Receiver, ...]:

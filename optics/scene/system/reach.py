@@ -142,7 +142,7 @@ def require_light_of_one_lens(system: OpticalSystem, what: str) -> None:
 
     Raises UserError : names the key.
     """
-    if len(system.seen_receivers) > 1:
+    if system.displaced:
         raise UserError(
             f"{what} follow the light of one lens, and on a plane that of a plate is a sum; leave out "
             "lens.array, or take the far field"

@@ -42,7 +42,7 @@ def test_a_plate_that_spoils_its_picture_names_what_helps(tmp_path, backend):
     assert "not predicted for a plate, whose pictures are displaced; the start of all lenses has" in lines
     said = displaced_sentence(displaced_limits(system), 0.2)
     assert "lie up to 25 x 0 mm apart (20 x 0 pixels)" in said
-    assert "this lens has 0.2; a larger target, as much further away," in said
+    assert "this plate has 0.2; a larger target, as much further away," in said
 
 
 def test_one_lens_and_the_far_field_displace_nothing(tmp_path):
