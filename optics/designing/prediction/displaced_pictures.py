@@ -70,7 +70,7 @@ def displaced_sentence(found: DisplacedLimits, reached: float | None = None) -> 
     if found.least is None:
         said += "; they are further apart than the target is wide"
     else:
-        least = f"allows {found.least:.2g} at least" if found.least >= SMALL else "may have none"
+        least = f"has {found.least:.2g}" if found.least >= SMALL else "has none"
         said += f"; the best light of one lens that is even on every pixel {least}"
     if reached is not None:
         said += f"; this plate has {reached:.2g}"
