@@ -1,10 +1,11 @@
 """Light of mapped cells in exact rational numbers: every triangle is clipped to every pixel.
 
 A cell with corners 0, 1 (towards j + 1), 2 (towards i + 1) and 3 becomes the triangles (0, 2, 3) and
-(0, 3, 1), each with half of what arrives of the cell's flux.  A triangle lights a pixel with the part of its
-area that lies there; one of less than LEAST_AREA with the part of its longest edge, where it is as thick as
-the triangle: from nothing at both ends to the most beside the third corner.  Positions are taken as
-the binary fractions that they are, in pixel units: a along the rows, downwards, b along the columns.
+(0, 3, 1), a turned one (0, 2, 1) and (1, 2, 3), each with half of what arrives of the cell's flux.  A
+triangle lights a pixel with the part of its area that lies there; one of less than LEAST_AREA with the part
+of its longest edge, where it is as thick as the triangle: from nothing at both ends to the most beside the
+third corner.  Positions are taken as the binary fractions that they are, in pixel units: a along the rows,
+downwards, b along the columns.
 """
 
 from __future__ import annotations
@@ -29,17 +30,23 @@ Floats = NDArray[np.float64]
 
 
 def exact_image(
-    screen: Screen, x: ArrayLike, y: ArrayLike, emitted: ArrayLike, passing: ArrayLike | None = None
+    screen: Screen,
+    x: ArrayLike,
+    y: ArrayLike,
+    emitted: ArrayLike,
+    passing: ArrayLike | None = None,
+    turned: ArrayLike | None = None,
 ) -> Exact:
     """Return the flux in every pixel, (rows, columns) with margin, Fractions in W.
 
     x, y : (nx + 1, ny + 1) corners on the target.  emitted : (nx, ny) W.
     passing : (nx + 1, ny + 1) fraction of the corners' flux that arrives, NaN where a corner is not sound;
         left out, all of it.
+    turned : (nx, ny) cells that are split along the other diagonal; left out, none.
     """
     rows, columns = screen.padded
     image = np.full((rows, columns), Fraction(0), dtype=object)
-    for corners, flux in triangles(screen, x, y, emitted, passing):
+    for corners, flux in triangles(screen, x, y, emitted, passing, turned):
         area = signed_area(corners)
         whole = abs(area) >= LEAST_AREA
         turned = ((corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]) for k in range(3))
@@ -51,7 +58,14 @@ def exact_image(
     return image
 
 
-def exact_slopes(screen: Screen, x: Floats, y: Floats, emitted: Floats, weights: Floats) -> list[Exact]:
+def exact_slopes(
+    screen: Screen,
+    x: Floats,
+    y: Floats,
+    emitted: Floats,
+    weights: Floats,
+    turned: NDArray[np.bool_] | None = None,
+) -> list[Exact]:
     """Return the derivatives of the sum of weights times `exact_image` by x and by y, (nx + 1, ny + 1) each.
 
     They are central differences in exact numbers, whose error is the square of STEP.
@@ -65,14 +79,20 @@ def exact_slopes(screen: Screen, x: Floats, y: Floats, emitted: Floats, weights:
         for step in (STEP, -STEP):
             moved = [x.astype(object), y.astype(object)]
             moved[axis][i, j] = Fraction(moved[axis][i, j]) + step
-            image = exact_image(screen, *(m[near] for m in moved), emitted[cells])
+            others = None if turned is None else turned[cells]
+            image = exact_image(screen, *(m[near] for m in moved), emitted[cells], None, others)
             values.append((weights * image).sum())
         out[axis][i, j] = (values[0] - values[1]) / (2 * STEP)
     return out
 
 
 def triangles(
-    screen: Screen, x: ArrayLike, y: ArrayLike, emitted: ArrayLike, passing: ArrayLike | None = None
+    screen: Screen,
+    x: ArrayLike,
+    y: ArrayLike,
+    emitted: ArrayLike,
+    passing: ArrayLike | None = None,
+    turned: ArrayLike | None = None,
 ) -> Iterator[Triangle]:
     """Yield the corners in pixel units and the flux of all triangles that are lit."""
     (px, py), (hx, hy) = screen.pitch, screen.half_width
@@ -89,7 +109,8 @@ def triangles(
             )
             for k in four
         ]
-        for three in ((0, 2, 3), (0, 3, 1)):
+        other = turned is not None and np.asarray(turned)[i, j]
+        for three in ((0, 2, 1), (1, 2, 3)) if other else ((0, 2, 3), (0, 3, 1)):
             p, q, r = (points[k] for k in three)
             yield (p, q, r), arrives / 2
 

@@ -165,7 +165,7 @@ def _pearl_objective(
 def _exact_objective(system: OpticalSystem, lens: Lens, backend: Backend) -> Objective:
     screen, cells = system.target.screen(1, MARGIN), system.source.cells((CELLS, CELLS))
     rays = cells.rays()
-    window = MappedCells(backend, screen, cells.emitted, rays.flux)
+    window = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
     tracer = Tracer(backend, system.path(lens), rays)
     target = system.target.irradiance(screen, 0.92)
     return Objective(

@@ -40,7 +40,7 @@ def light_on(
     rays, screen = cells.rays(), Screen(half, counts)
     with dr.suspend_grad():
         hits, along, flux = Tracer(backend, path, rays, proven=False).at(surface)
-        mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+        mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
 
         def laid(share: DrArray | float) -> Floats:
             return _picture(screen, mapped(hits.x, hits.y, flux * share, hits.found))

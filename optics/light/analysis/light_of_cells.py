@@ -16,7 +16,7 @@ size of that error.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
@@ -76,10 +76,12 @@ class _CellTracer:
     backend: Backend
     borders: Borders
 
-    def light(self, rays: RayGrid | Rays, emitted: Floats, least: float = 0.0) -> _Light:
+    def light(
+        self, rays: RayGrid | Rays, emitted: Floats, turned: Bools | None = None, least: float = 0.0
+    ) -> _Light:
         """Return the light of cells that are not cut, from the rays at their corners.
 
-        least : W, a cell with no more is not worth its cut.
+        turned : as of `MappedCells`.  least : W, a cell with no more is not worth its cut.
         """
         tracer, landing, arrives = self._trace(rays)
         cut, weights = cut_cells(arrives.numpy(), emitted, least), None
@@ -87,7 +89,7 @@ class _CellTracer:
             emitted = np.where(cut, 0.0, emitted)
             whole, every = corner_flux(emitted).ravel(), rays.flux.ravel()
             weights = self.backend.array(np.divide(whole, every, out=np.zeros_like(every), where=every > 0))
-        cells = MappedCells(self.backend, self.screen, emitted, rays.flux)
+        cells = MappedCells(self.backend, self.screen, emitted, rays.flux, turned)
         with self.backend.dr.suspend_grad():
             image = cells(landing.x, landing.y, landing.flux, arrives).numpy()
         return _Light(image, tracer.fates(landing, self.screen.half_width, weights), cut)
@@ -121,7 +123,7 @@ def grid_irradiance(
         embedding = sag.space.embedding
         spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
     counts = [_cells(*pair) for pair in zip(screen.pixels, spans)]
-    grids = [[_prime_from(round(n / COARSER**k)) for n in counts] for k in range(3)]
+    grids = [_grid([n / COARSER**k for n in counts], system.source.kinked) for k in range(3)]
     traced = [
         cell_irradiance(path, screen, system.source.cells(grid), backend, FINEST.coarser(COARSER**k))
         for k, grid in enumerate(grids)
@@ -133,6 +135,16 @@ def grid_irradiance(
     # which is not extrapolated: light keeps its flux
     off_error = abs(coarse.off_target - fates.off_target) / (ratios[0] - 1)
     return LightEstimate(light, error, fates.on_target, fates.off_target, off_error), fates
+
+
+def _grid(counts: Sequence[float], kinked: bool) -> list[int]:
+    """Return the cells of a grid in each direction: they share no lines with others but borders and middles.
+
+    counts : of cells in each direction, about.  kinked : as of `LightSource`.
+    """
+    if kinked:
+        return 2 * [2 * _prime_from(round(sqrt(prod(counts)) / 2))]
+    return [_prime_from(round(n)) for n in counts]
 
 
 def _cells(pixels: int, spans: int) -> int:
@@ -212,7 +224,7 @@ def traced_cells(
     parts, pieces = [], []
     usual = max(CORNERS_AT_ONCE, prod(screen.pixels) // PIXELS_TO_A_CORNER)
     for strip in cells.slices(at_once or usual):
-        part = tracer.light(strip.rays(), strip.emitted, rounding)
+        part = tracer.light(strip.rays(), strip.emitted, strip.turned, rounding)
         parts.append(part)
         i, j = np.nonzero(part.cut)
         pieces.append(np.stack([strip.s[i], strip.s[i + 1], strip.t[j], strip.t[j + 1], strip.emitted[i, j]]))
@@ -243,7 +255,8 @@ def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Li
     emitted[:, :2] = shared.transpose(2, 0, 1)
     emitted = emitted.reshape(-1, 2)[:-1]
     rows, columns = np.repeat(s.T.ravel(), 3), np.repeat(t.T, 3, axis=0).ravel()
-    part = tracer.light(cells.at(rows, columns, corner_flux(emitted).ravel()), emitted)
+    turned = cells.turned_at(*(np.repeat(v, 6).reshape(-1, 2)[:-1] for v in (s0 + s1, t0 + t1)))
+    part = tracer.light(cells.at(rows, columns, corner_flux(emitted).ravel()), emitted, turned)
     i, j = np.nonzero(part.cut)
     piece, row = i // 3, i % 3
     cut = [s[row, piece], s[row + 1, piece], t[j, piece], t[j + 1, piece], emitted[i, j]]

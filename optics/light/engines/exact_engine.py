@@ -51,7 +51,7 @@ def measured_rays(
         lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front
         cells = system.source.cells([n - 1 for n in film.rays], lit).half(film.axes)
         rays = cells.rays()
-        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux), film.axes
+        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux, cells.turned), film.axes
     rays = system.source.rays(film.rays, film.fresh)
     if system.source.extended and isinstance(rays, Rays):
         return mirror_half(rays, film.axes), film.window, film.axes

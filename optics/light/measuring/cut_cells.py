@@ -154,7 +154,7 @@ class CutCells:
             for p, q, r in (numbers[k:] + numbers[:k] for k in range(3)):
                 (by_a, by_b), (qa, qb), (ra, rb) = slopes[p], self._points[q], self._points[r]
                 slopes[p] = by_a + turned * (qb - rb), by_b + turned * (ra - qa)
-        pairs = [self._Pair(*slope) for slope in slopes]
+        pairs = self._grid.turned([self._Pair(*slope) for slope in slopes], self._cells)
         # at the k-th corners of cells no two of them meet
         dr.scatter_reduce(
             dr.ReduceOp.Add, parts, self._share * mean, self._cells, mode=dr.ReduceMode.NoConflicts

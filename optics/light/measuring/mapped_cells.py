@@ -41,7 +41,7 @@ from optics.light.measuring.cut_cells import CutCells
 from optics.light.measuring.pixel_lines import PixelLines
 from optics.light.measuring.whole_cells import ALONG_A, ALONG_B, WholeCells, sorted_cells
 from optics.scene.receivers import Screen
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 SHARE = 1 / 8  # of a cell's flux: half is a triangle's, of which a quarter passes as at each corner
 
@@ -66,9 +66,17 @@ class MappedCells:
     """The map from traced corners to the irradiance on a screen's pixels.
 
     emitted : (nx, ny) W, of the cells.  corners : (nx + 1, ny + 1) W, the flux that their corners stand for.
+    turned : (nx, ny), as of `CellGrid`.
     """
 
-    def __init__(self, backend: Backend, screen: Screen, emitted: Floats, corners: Floats) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        screen: Screen,
+        emitted: Floats,
+        corners: Floats,
+        turned: Bools | None = None,
+    ) -> None:
         self._backend, self._screen, self._double = backend, screen, backend.doubled()
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
         shares = SHARE / screen.pixel_area * cells
@@ -77,7 +85,7 @@ class MappedCells:
         self._inverse = self._double.array(
             np.divide(1, corners, out=np.zeros_like(corners), where=corners > 0)
         )
-        self._grid = CellGrid(self._double, cells.shape)
+        self._grid = CellGrid(self._double, cells.shape, turned)
         self._lines = PixelLines(self._double, screen.padded)
 
     def __call__(self, x: DrArray, y: DrArray, flux: DrArray, sound: DrArray) -> DrArray:
@@ -137,6 +145,7 @@ class MappedCells:
             if dr.width(cells):
                 kind(*self._some(corners, places, cells)).pull_back(weights, parts, by_corners)
         every = dr.arange(self._backend.Index, self._grid.size)
+        slopes = self._grid.turned(slopes, every)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
         for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
             by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import cos, radians, sqrt
+from math import ceil, cos, prod, radians, sqrt
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from optics.scene.sources.collimated import lit_part
 from optics.scene.sources.profile import UNIFORM, Profile
 from optics.scene.sources.rays import BEFORE, RayGrid, Rays
 from optics.scene.sources.spreading import concentric
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 AXIS = 0.0, 0.0
+# rings of cells, and of all of a small cone: behind ring n what is not straight is 0.1 / n^2 of their flux
+INNERMOST, INNER = 16, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,7 @@ class SourceCells:
     at : called with s, t and flux, (n,) each; returns the Rays there.
     density : called with s and t, (n,) each; returns the flux per area of s and t there, up to a factor.
     parallel : the rays go along +z and s, t are x, y in mm.  missed : W that passes beside the lens.
+    kinked : the rays have kinks on |s| = |t|, which are diagonals of cells.
     """
 
     s: Floats
@@ -34,6 +37,16 @@ class SourceCells:
     density: Callable[[Floats, Floats], Floats]
     parallel: bool = False
     missed: float = 0.0
+    kinked: bool = False
+
+    @property
+    def turned(self) -> Bools | None:
+        """Which cells may have a kink along their other diagonal, where s + t is the same; None is none."""
+        return self.turned_at(self.s[1:, None] + self.s[:-1, None], self.t[1:] + self.t[:-1])
+
+    def turned_at(self, s: Floats, t: Floats) -> Bools | None:
+        """Return what `turned` says of cells around points, or around multiples of these."""
+        return s * t < 0 if self.kinked else None
 
     def rays(self) -> RayGrid | Rays:
         """Return the rays at the corners; each carries a quarter of the flux of the cells around it."""
@@ -121,22 +134,21 @@ def cone_cells(
     """Return the cells of a point's cone with intensity ~ cos(theta)^exponent.
 
     s and t are coordinates in the square [-1, 1]^2 that `concentric` maps to the cone, equal solid angles to
-    equal areas.  1 - cos(theta) is in proportion to max(|s|, |t|)^2 there.
+    equal areas.  1 - cos(theta) is in proportion to max(|s|, |t|)^2 there.  The map has kinks on |s| = |t|.
+    They are diagonals of cells, as these are an even number, the same in both directions.
 
-    distance : mm, of the point before z = 0.  half_angle : degrees.  counts : (nx, ny) cells.
+    distance : mm, of the point before z = 0.  half_angle : degrees.
+    counts : (nx, ny) cells, about: no fewer in all.
     """
-    s, t = (2 * np.arange(n + 1) / n - 1 for n in counts)
+    side = 2 * ceil(sqrt(prod(counts)) / 2)
+    s = 2 * np.arange(side + 1) / side - 1
     deepest = 1 - cos(radians(half_angle))
-    inside = sqrt(3 / 5)  # three points of Gauss in each direction
 
     def density(s: Floats, t: Floats) -> Floats:
         return (1 - deepest * np.maximum(np.abs(s), np.abs(t)) ** 2) ** exponent
 
-    emitted = np.zeros(counts)
-    for a, by_a in ((-inside, 5), (0.0, 8), (inside, 5)):
-        for b, by_b in ((-inside, 5), (0.0, 8), (inside, 5)):
-            middle = [((1 - w) * r[:-1] + (1 + w) * r[1:]) / 2 for w, r in ((a, s), (b, t))]
-            emitted += by_a * by_b * density(middle[0][:, None], middle[1][None, :])
+    emitted = _of_quarter(density, s[side // 2 :])
+    emitted = np.block([[emitted[::-1, ::-1], emitted[::-1]], [emitted[:, ::-1], emitted]])
     emitted *= flux / emitted.sum()
 
     def at(s: Floats, t: Floats, flux: Floats) -> Rays:
@@ -148,4 +160,37 @@ def cone_cells(
         origin[2] = -distance
         return Rays(origin, direction, flux)
 
-    return SourceCells(s, t, emitted, at, density)
+    return SourceCells(s, s, emitted, at, density, kinked=True)
+
+
+def _of_quarter(density: Callable[[Floats, Floats], Floats], s: Floats) -> Floats:
+    """Return the flux of cells with s, t >= 0 of a cone, up to a factor, (n, n) from the middle outwards.
+
+    max(s, t) alone tells the density, so that the cells of a ring are alike but for the one on the diagonal:
+    of this, the part u of the width from its inner border on has the weight 2 u.
+
+    s : (n + 1,) borders of the cells, in both directions.
+    """
+    inside, thirds = sqrt(3 / 5), np.array([5.0, 8.0, 5.0]) / 18  # three points of Gauss
+    u = (1 + np.array([[-inside], [0.0], [inside]])) / 2
+    of_ring = density((1 - u) * s[:-1] + u * s[1:], np.zeros(1))
+    k = np.arange(len(s) - 1)
+    emitted = (thirds @ of_ring)[np.maximum.outer(k, k)]
+    np.fill_diagonal(emitted, thirds @ (2 * u * of_ring))
+    return _with_straight_edges(emitted, s)
+
+
+def _with_straight_edges(emitted: Floats, s: Floats) -> Floats:
+    """Return the flux of cells by their areas with straight edges on the disk, as `_of_quarter`.
+
+    What `concentric` makes of the cells around the middle is round.  Traced corners leave out a tenth of it,
+    which other cells cover.  The flux of the INNERMOST rings together stays.
+    """
+    rings = max(1, min(INNERMOST, len(s) // INNER))
+    p, q = concentric(*np.meshgrid(s[: rings + 1], s[: rings + 1], indexing="ij"))
+    # areas by their diagonals
+    (p1, p2), (q1, q2) = ((v[1:, 1:] - v[:-1, :-1], v[:-1, 1:] - v[1:, :-1]) for v in (p, q))
+    inner, out = emitted[:rings, :rings], emitted.copy()
+    straight = inner * (p1 * q2 - q1 * p2)
+    out[:rings, :rings] = straight * (inner.sum() / straight.sum())
+    return out

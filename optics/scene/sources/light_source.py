@@ -40,6 +40,7 @@ class LightSource(ABC):
     scalable : it is an area that the problem describes, and may be made with another width.
     emitter : points of an area that emit all around, so that smooth windows suit the blurred light best.
     axial : it stays the same where it turns about z, whatever its settings.
+    kinked : its cells have kinks on diagonals, and are as many in both directions, an even number.
     spread : how the light of every point of an area spreads around +z.
     """
 
@@ -51,6 +52,7 @@ class LightSource(ABC):
     scalable: ClassVar[bool] = False
     emitter: ClassVar[bool] = False
     axial: ClassVar[bool] = False
+    kinked: ClassVar[bool] = False
 
     @property
     def each(self) -> tuple[LightSource, ...]:
@@ -154,6 +156,8 @@ class LightSource(ABC):
         self, counts: Counts, aperture: Ends = None, centre: Pair = AXIS, direction: Floats | None = None
     ) -> SourceCells:
         """Return (nx, ny) cells of a source that is not extended, or of a diverging beam in one direction.
+
+        Where they have kinks there are about as many, see `cone_cells`.
 
         aperture, centre : half-widths and middle of the rectangle at which those of a collimated beam end,
             mm; left out, the aperture that the source lights.

@@ -41,6 +41,7 @@ class PlacedSource(LightSource):
     by_rays = _of_source("by_rays")
     scalable = _of_source("scalable")
     emitter = _of_source("emitter")
+    kinked = _of_source("kinked")
     told = _of_source("told")
     etendue = _of_source("etendue")
     profile = _of_source("profile")

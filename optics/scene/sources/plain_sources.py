@@ -37,6 +37,7 @@ class PointSource(LightSource):
     half_angle: float
     exponent: float
     axial = True
+    kinked = True
 
     @property
     def cone(self) -> float:

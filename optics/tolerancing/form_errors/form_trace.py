@@ -112,7 +112,8 @@ class FormTrace:
     ) -> tuple[MappedCells, tuple[DrArray, ...]]:
         """Return the map of cells to pixels, and what it is called with."""
         x, y, passing = (self.backend.array(a.ravel()) for a in (*traced.landing, traced.passing))
-        cells = MappedCells(self.backend, screen, emitted, np.ones(traced.passing.shape))
+        every = np.ones(traced.passing.shape)
+        cells = MappedCells(self.backend, screen, emitted, every, self.cells.turned)
         return cells, (x, y, passing, passing > 0)
 
 

@@ -214,7 +214,7 @@ def _by_phase(
     shown = screen.projection()
     cells = system.source.cells([max(LEAST_CELLS, CELLS_PER_PIXEL * n) for n in screen.pixels])
     rays = cells.rays()
-    mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+    mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
     surface = system.number_of(name)
     field = slopes(*crossings(path, backend, surface, rays))
 

@@ -148,7 +148,8 @@ class LinearLight:
         return np.asarray(corners.weight * slope.numpy().reshape(self._light.screen.shape, order="F"))
 
     def _mapped(self, corners: _Corners, emitted: Floats) -> MappedCells:
-        return MappedCells(self._light.backend, self._light.screen, emitted, corners.flux)
+        backend, screen = self._light.backend, self._light.screen
+        return MappedCells(backend, screen, emitted, corners.flux, corners.cells.turned)
 
 
 @dataclass(frozen=True, eq=False)

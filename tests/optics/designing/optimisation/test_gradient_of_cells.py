@@ -65,7 +65,7 @@ def made_objective(backend, case, charges):
     target = asked_for(screen)
     target[: screen.shape[0] // 4] = 0.0  # what is dark there is charged
     shape = shape_penalty([Part(lens, Limits(radius=20.0, thickness=1.0))], roughness=0.1) if shaped else None
-    mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+    mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
     return Objective(TracedModel(backend, tracer, screen, mapped), target, lost, dark, shape), tracer
 
 

@@ -72,7 +72,7 @@ def rel_l2(backend, path, source, half, wanted, rounds=MOST_ROUNDS):
     rays = cells.rays()
     with backend.dr.suspend_grad():
         _, landing = Tracer(backend, path.with_shape(number, shape.with_sag(sag)), rays, False).trace()
-        mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+        mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
         image = mapped(landing.x, landing.y, landing.flux, landing.definite)
     found = image.numpy().reshape(screen.shape, order="F")
     off = found / found.mean() - wanted / wanted.mean()

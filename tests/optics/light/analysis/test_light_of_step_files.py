@@ -41,7 +41,7 @@ LENSES = {
     "body": {"lens.outline": "round", "lens.body.draft": 5.0, "lens.clear_aperture": [9.4, 9.4]},
 }
 RAYS, REPLICATES = (12, 12), 2
-CELLS, COARSER = 13, 7  # each way, primes: of the finest grid and of the next one
+CELLS, COARSER = 14, 10  # each way, twice primes: of the finest grid and of the next one
 LEAST = 1e-3  # of a ray's flux: weaker branches end, in place of the roulette, which is random
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from optics.light.measuring import MappedCells
 from optics.light.measuring.cut_cells import LEAST_AREA
@@ -22,13 +23,15 @@ def whole(columns, rows, margin=0, angular=False):
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """Cells with corners x, y on a screen, (nx + 1, ny + 1), flux (nx, ny), and the share of the corners'
-    flux that arrives, NaN where a corner is not sound."""
+    flux that arrives, NaN where a corner is not sound; turned (nx, ny), those split along the other diagonal.
+    """
 
     screen: Screen
     x: np.ndarray
     y: np.ndarray
     emitted: np.ndarray
     passing: np.ndarray
+    turned: np.ndarray | None = None
 
     def laid(self, backend):
         """Return the flux in every pixel, (rows, columns)."""
@@ -59,14 +62,14 @@ class Sheet:
         corners, sound = corner_flux(self.emitted), ~np.isnan(self.passing)
         flux = np.where(sound, self.passing, 0) * corners
         rays = (backend.array(values) for values in (self.x, self.y, flux))
-        return MappedCells(backend, self.screen, self.emitted, corners), (
+        return MappedCells(backend, self.screen, self.emitted, corners, self.turned), (
             *rays,
             backend.array(sound.astype(float)) > 0.5,
         )
 
     def exact(self):
         """Return the flux in every pixel as Fractions."""
-        return exact_image(self.screen, self.x, self.y, self.emitted, self.passing)
+        return exact_image(self.screen, self.x, self.y, self.emitted, self.passing, self.turned)
 
     def moved(self, dx, dy):
         return replace(self, x=self.x + dx, y=self.y + dy)
@@ -92,7 +95,7 @@ class Sheet:
         return 32 * UNIT * total
 
     def _triangles(self):
-        return list(triangles(self.screen, self.x, self.y, self.emitted, self.passing))
+        return list(triangles(self.screen, self.x, self.y, self.emitted, self.passing, self.turned))
 
 
 def sheet(screen, x, y, emitted=None, passing=None):
@@ -143,4 +146,5 @@ def shuffled(draw, screens=SCREENS, steps=(1, 2, 64), sound=True):
     x, y = (positions(n) for n in screen.pixels)
     emitted = eighths((shape[0] - 1) * (shape[1] - 1)).reshape(shape[0] - 1, shape[1] - 1)
     passing = eighths(count, 0 if sound else -1).reshape(shape)
-    return Sheet(screen, x, y, emitted, np.where(passing < 0, np.nan, passing))
+    turned = draw(st.none() | arrays(bool, emitted.shape))
+    return Sheet(screen, x, y, emitted, np.where(passing < 0, np.nan, passing), turned)

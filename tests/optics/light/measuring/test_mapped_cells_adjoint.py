@@ -36,26 +36,27 @@ def test_slopes_are_exact_on_shuffled_cells(backend, made, seed):
     assume(made.least_area() > 1e-3)
     g = weights(made.screen, seed)
     (by_x, by_y, _), _ = made.slopes(backend, g)
-    exact = exact_slopes(made.screen, made.x, made.y, made.emitted, g)
+    exact = exact_slopes(made.screen, made.x, made.y, made.emitted, g, made.turned)
     for found, expected in zip((by_x, by_y), exact):
         np.testing.assert_allclose(found, expected.astype(float), rtol=0, atol=1e-8)
 
 
 CELLS = list(product((0.6, 1.3, 4.0), (False, True)))  # size, fold
+TURNED = np.kron([[False, True], [True, False]], np.ones((2, 2), dtype=bool))[:3, :3]  # as on a cone's middle
 
 
 @pytest.mark.every(3)
 @pytest.mark.parametrize("case", slow_unless(((0.6, False), (1.3, True), (4.0, False)).__contains__, CELLS))
 def test_slopes_are_exact_where_areas_exceed_a_thousandth(backend, case):
-    """Smooth cells: 1e-8 of the greatest slope, as is claimed."""
+    """Smooth cells, of which four are turned: 1e-8 of the greatest slope, as is claimed."""
     size, fold = case
-    made = passing_all(smooth(SCREEN, (3, 3), size, 0.3, seed=1))
+    made = replace(passing_all(smooth(SCREEN, (3, 3), size, 0.3, seed=1)), turned=TURNED)
     if fold:
         made = replace(made, x=np.abs(made.x - 0.3))
     assert made.least_area() > 1e-3
     g = weights(SCREEN)
     (by_x, by_y, _), _ = made.slopes(backend, g)
-    for found, expected in zip((by_x, by_y), exact_slopes(SCREEN, made.x, made.y, made.emitted, g)):
+    for found, expected in zip((by_x, by_y), exact_slopes(SCREEN, made.x, made.y, made.emitted, g, TURNED)):
         expected = expected.astype(float)
         assert np.abs(expected).max() > 0.01
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
@@ -196,6 +197,7 @@ def test_the_change_along_a_move_is_the_slope_along_it(backend, height):
     """Forward is the transpose of backward, also of a sliver of this height: both round what is as large as
     the light by its area squared."""
     made, rng = smooth(whole(16, 12), (12, 9), 1.1, 0.3, seed=5), np.random.default_rng(6)
+    made = replace(made, turned=rng.random(made.emitted.shape) < 0.5)
     if height is not None:
         made.y[3, 3] = made.y[3, 4] - height
     g, moves = weights(made.screen), [rng.standard_normal(made.x.shape) for _ in range(3)]

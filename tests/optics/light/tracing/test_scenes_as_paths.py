@@ -96,7 +96,7 @@ def irradiance(backend, path, cells, screen):
     rays = cells.rays()
     landing = Tracer(backend, path, rays).landed()
     with backend.dr.suspend_grad():
-        mapped = MappedCells(backend, screen, cells.emitted, rays.flux)
+        mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
         every = backend.dr.zeros(backend.Float, rays.flux.size)
         image = mapped(landing.x + every, landing.y + every, landing.flux + every, landing.arrives)
     return image.numpy().reshape(screen.shape, order="F")
