@@ -139,13 +139,13 @@ class MappedCells:
         dr, weights = self._backend.dr, self._lines.integrated(g)
         whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
         means, slopes = whole.pull_back(weights[0])
+        every = dr.arange(self._backend.Index, self._grid.size)
+        slopes = self._grid.turned(slopes, every)
         parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
         dr.eval(parts, slopes)
         for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
             if dr.width(cells):
                 kind(*self._some(corners, places, cells)).pull_back(weights, parts, by_corners)
-        every = dr.arange(self._backend.Index, self._grid.size)
-        slopes = self._grid.turned(slopes, every)
         by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
         for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
             by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)
