@@ -13,7 +13,7 @@ import numpy as np
 from optics.base.runtime import Check
 from optics.exchange.verification.traced_faces import FaceRim
 from thbcad.checks import Floats
-from thbcad.io import Brep, BrepFace, parse_brep, volume
+from thbcad.io import Brep, BrepFace, edge_span, parse_brep, volume
 from thbcad.lens import Lens, OpticalForm, edge_names, optical_places
 from thbcad.sags import PlacedConic, conic_of_patch, conic_of_plane, conic_of_sphere, rectangle_around
 from thbcad.splines import BSplineSurface
@@ -48,6 +48,12 @@ class StepFile:
         """
         front, rear = (FaceRim(self.text, self.text.faces[k]) for k in optical_faces(self.text))
         return front, rear
+
+    @cached_property
+    def has_rims(self) -> bool:
+        """Whether the curves of `rims` are known: those that OCCT makes beside a rounding have degree 14."""
+        faces = (self.text.faces[k] for k in optical_faces(self.text))
+        return all(edge_span(edge) is not None for face in faces for edge in FaceRim.edges(self.text, face))
 
     @cached_property
     def state(self) -> SolidState:

@@ -8,7 +8,7 @@ from scipy.interpolate import NdBSpline
 from scipy.optimize.elementwise import find_root
 
 from thbcad.checks import Bools, Floats, Integers
-from thbcad.io import Brep, BrepFace, edge_span
+from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
 
@@ -113,9 +113,14 @@ class FaceRim:
     The direction from the axis to a point (x, y) meets it where x Y(t) - y X(t) = 0.
     """
 
-    def __init__(self, solid: Brep, face: BrepFace) -> None:
+    @staticmethod
+    def edges(solid: Brep, face: BrepFace) -> list[BrepEdge]:
+        """Return the edges of the loop."""
         numbers = {number for number, _ in face.loops[0]}
-        edges = [edge for edge in solid.edges if edge.number in numbers]
+        return [edge for edge in solid.edges if edge.number in numbers]
+
+    def __init__(self, solid: Brep, face: BrepFace) -> None:
+        edges = self.edges(solid, face)
         self._edges = [(edge, span) for edge in edges if (span := edge_span(edge)) is not None]
         spans = [np.linspace(*span, RIM_SAMPLES) for _, span in self._edges]
         points = np.concatenate([edge.points(t)[:, :2] for (edge, _), t in zip(self._edges, spans)])

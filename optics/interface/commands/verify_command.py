@@ -216,6 +216,8 @@ def _folder_checks(
     checks += limit_checks(problem, manufactured(system, lens)) + other_limit_checks(system)
     if by_optiland and len(system.own_faces) > 2:
         note("optiland does not trace the file: it traces no reflection inside a lens")
+    elif by_optiland and not file.has_rims:
+        note("optiland does not trace the file: the rims beside its roundings are splines that are not read")
     elif by_optiland and optiland_available():
         checks += optiland_checks(system, lens, file, backend)
     elif by_optiland:

@@ -5,7 +5,7 @@ parameters, splines are Bezier patches between their knots, and circles and spli
 of the control points holds the piece, and shrinks with it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from thbcad.cad.exchange import OCCT_ERRORS
 from thbcad.cad.shapes import spline_surface
-from thbcad.checks import Floats, Integers
+from thbcad.checks import MAX_DEGREE, Floats, Integers
 from thbcad.splines import BSplineSurface, KnotVector, NURBSSurface
 
 QUARTER = np.pi / 2  # of a turn: arcs whose control points stay near
@@ -99,7 +99,13 @@ def face_pieces(face: TopoDS_Face) -> Pieces | None:
             geometry = GeomConvert.SurfaceToBSplineSurface_s(cut)
         except OCCT_ERRORS:  # what OCCT cannot convert has no control points
             return None
-    return _spline_pieces(spline_surface(geometry), (low_u, high_u, low_v, high_v) if own else None, own)
+    box = (low_u, high_u, low_v, high_v) if own else None
+    if max(geometry.UDegree(), geometry.VDegree()) > MAX_DEGREE:
+        return _spline_pieces(*_high_spline(geometry), box, own)
+    surface = spline_surface(geometry)
+    if isinstance(surface, BSplineSurface):
+        surface = NURBSSurface.from_bspline(surface)
+    return _spline_pieces((surface.kv_u, surface.kv_v), surface.homogeneous.coefficients, box, own)
 
 
 def split(cells: Floats) -> Floats:
@@ -159,19 +165,54 @@ def _revolved(surface: Any, kind: Any) -> Callable[[Floats], Floats]:
     return nets
 
 
-def _within(kv: KnotVector, low: float, high: float) -> bool:
+@dataclass(frozen=True, eq=False)
+class _Knots:
+    """Those of a spline with clamped ends, of any degree: OCCT makes 14 at roundings."""
+
+    degree: int
+    knots: Floats
+
+    @property
+    def start(self) -> float:
+        return float(self.knots[0])
+
+    @property
+    def stop(self) -> float:
+        return float(self.knots[-1])
+
+    @property
+    def breaks(self) -> Floats:
+        return np.unique(self.knots)
+
+
+def _within(kv: KnotVector | _Knots, low: float, high: float) -> bool:
     """Return whether an interval lies in that of a spline; of a periodic one it need not."""
     slack = ROUNDING * (kv.stop - kv.start)
     return low >= kv.start - slack and high <= kv.stop + slack
 
 
+def _high_spline(surface: Geom_BSplineSurface) -> tuple[tuple[_Knots, _Knots], Floats]:
+    """Return the knots of a spline in both directions, and its poles w x, w y, w z, w, (n, m, 4)."""
+    surface = surface.Copy()
+    surface.SetUNotPeriodic()
+    surface.SetVNotPeriodic()
+    u, v = (
+        np.repeat([knot(k + 1) for k in range(count)], [times(k + 1) for k in range(count)])
+        for knot, times, count in (
+            (surface.UKnot, surface.UMultiplicity, surface.NbUKnots()),
+            (surface.VKnot, surface.VMultiplicity, surface.NbVKnots()),
+        )
+    )
+    full = np.empty((surface.NbUPoles(), surface.NbVPoles(), 4))
+    for i, j in np.ndindex(full.shape[:2]):
+        weight = surface.Weight(i + 1, j + 1)
+        full[i, j] = *(weight * np.array(surface.Pole(i + 1, j + 1).Coord())), weight
+    return (_Knots(surface.UDegree(), u), _Knots(surface.VDegree(), v)), full
+
+
 def _spline_pieces(
-    surface: BSplineSurface | NURBSSurface, box: tuple[float, ...] | None, own: bool
+    kvs: Sequence[KnotVector | _Knots], full: Floats, box: tuple[float, ...] | None, own: bool
 ) -> Pieces | None:
-    if isinstance(surface, BSplineSurface):
-        surface = NURBSSurface.from_bspline(surface)
-    kvs = surface.kv_u, surface.kv_v
-    full = surface.homogeneous.coefficients
     limits = box or (kvs[0].start, kvs[0].stop, kvs[1].start, kvs[1].stop)
     ends = limits[:2], limits[2:]
     if not all(_within(kv, *pair) for kv, pair in zip(kvs, ends)):
@@ -196,7 +237,7 @@ def _curve_pieces(curve: Any, low: float, high: float) -> Pieces | None:
     weights = np.array([curve.Weight(k) for k in numbers])
     full = np.column_stack([weights[:, None] * [curve.Pole(k).Coord() for k in numbers], weights])
     repeated = np.repeat([curve.Knot(k) for k in knots], [curve.Multiplicity(k) for k in knots])
-    kv = KnotVector(curve.Degree(), repeated)
+    kv = _Knots(curve.Degree(), repeated)
     if not _within(kv, low, high):
         return None
 
@@ -208,14 +249,14 @@ def _curve_pieces(curve: Any, low: float, high: float) -> Pieces | None:
     return Pieces(_spans(kv, low, high), nets)
 
 
-def _spans(kv: KnotVector, low: float, high: float) -> Floats:
+def _spans(kv: KnotVector | _Knots, low: float, high: float) -> Floats:
     """Return the intervals between knots from low to high."""
     low, high = max(low, kv.start), min(high, kv.stop)
     ends = np.unique(np.clip(kv.breaks, low, high))
     return np.stack([ends[:-1], ends[1:]], axis=1)
 
 
-def _blossoms(kv: KnotVector, cells: Floats) -> tuple[Floats, Integers]:
+def _blossoms(kv: KnotVector | _Knots, cells: Floats) -> tuple[Floats, Integers]:
     """Return the matrices from the p + 1 poles of a span to the Bezier points over intervals in it,
     (n, p + 1, p + 1), and the numbers of the first of these poles, (n,).
 

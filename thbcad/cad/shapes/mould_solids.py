@@ -5,6 +5,7 @@ from contextlib import suppress
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.ShapeFix import ShapeFix_ShapeTolerance
 from OCP.Standard import Standard_Failure
 from OCP.StdFail import StdFail_NotDone
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
@@ -84,7 +85,9 @@ def _rounded(sharp: Part, body: MouldedBody, edges: list[TopoDS_Shape]) -> Part:
     solids = TopExp_Explorer(fillets.Shape(), TopAbs_SOLID)
     solid = TopoDS.Solid_s(solids.Current())
     off = ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
-    if not BRepCheck_Analyzer(solid).IsValid() or off > MOST_TOLERANCE:
+    # vertices are said to be twice as far off as curves that meet there: with less the solid must be valid
+    ShapeFix_ShapeTolerance().LimitTolerance(solid, 0.0, MOST_TOLERANCE)
+    if not BRepCheck_Analyzer(solid).IsValid():
         raise ValueError(
             f"OCCT rounds the edges by {body.edge_radius:g} mm only within {off:.3g} mm; {_remedy(body)}"
         )
