@@ -35,6 +35,7 @@ from scipy.fft import dctn, idctn
 from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import ShapePenalty
 from optics.light.engines import Light, LightModel
+from optics.scene.receivers import merged
 from thbcad.checks import Floats
 from thbcad.splines import KnotVector
 
@@ -59,7 +60,7 @@ class Objective:
     Call it with the THB coefficients of every sag, front first.
 
     model : of the light.
-    target, background : irradiance on the screen's pixels without margin, W/mm^2.
+    target, background : irradiance on the screen's pixels, which may be parts, without margin, W/mm^2.
     far_sighted : it takes the norm of H^-1.
     zones : what those of the target add.
     parts : of every pixel, in each direction, that are the screen's pixels.
@@ -120,8 +121,8 @@ class Objective:
         return other
 
     def image(self, coefficients: Sequence[Floats]) -> Floats:
-        """Return the measured irradiance on the target's pixels, W/mm^2."""
-        return self._model.screen.crop(self._model.image(coefficients))
+        """Return the measured irradiance on the target's pixels, of their parts the means, W/mm^2."""
+        return merged(self._model.screen.crop(self._model.image(coefficients)), self._parts)
 
     def vertex_gradients(
         self, coefficients: Sequence[Floats], knots: Sequence[Sequence[KnotVector]]
@@ -171,10 +172,7 @@ class Objective:
         """Return the means of an image over whole pixels, (rows, columns)."""
         if self._parts == 1:
             return image
-        rows, columns = (n // self._parts for n in image.shape)
-        by_pixel = (rows, self._parts, columns, self._parts)
-        means = image.reshape(by_pixel).mean(axis=(1, 3), keepdims=True)
-        return np.broadcast_to(means, by_pixel).reshape(image.shape)
+        return merged(image, self._parts).repeat(self._parts, axis=0).repeat(self._parts, axis=1)
 
 
 def _of_h_minus_1(shape: tuple[int, int]) -> Floats:

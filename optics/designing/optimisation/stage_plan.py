@@ -22,6 +22,8 @@ CELLS_PER_SPAN = 3.6
 # pixels, whose means alone are asked for (exp(-2 r^2) + 0.1 on 64 x 64 pixels, 192 spans: rel_l2 is 0.0001,
 # and 0.020 of the same lens on pixels a quarter as wide; with parts 0.0001 and 0.0004)
 PARTS_PER_SPAN = 4 / 3
+# of a pixel, and of all in a direction, in each direction: those of strips would fill the memory
+MOST_PARTS, MOST_OF_ALL = 6, 2048
 # steps of a stage from which on the first are taken on fewer cells; one of LATE of them is not; and the cells
 # of the others in each direction (a third of the steps and 0.55 of the cells took 1.03 to 1.35 times the
 # seconds of nine examples, and left seven of them more rel_l2; with 60 steps on level 6 both are alike)
@@ -192,14 +194,19 @@ def _fewer(stage: Stage) -> tuple[int, int]:
 
 def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
     spans = _lit_spans(system, level)
-    return [_even(max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s)) for n, s in zip(screen.pixels, spans)]
+    counts = [_even(max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s)) for n, s in zip(screen.pixels, spans)]
+    return [max(counts)] * 2 if system.source.kinked else counts  # which has as many both ways
 
 
 def _parts(system: OpticalSystem, level: int) -> int:
-    """Return the parts of a pixel in each direction: 1 where the spans of a level are as wide."""
+    """Return the parts of a pixel in each direction: 1 where the spans of a level are as wide, where light is
+    blurred or displaced, and of zones."""
     target = system.target.settings
     finest = max(s / n for s, n in zip(_lit_spans(system, level), target.pixels))
-    return 1 if finest <= 1 or target.kind == "zones" else max(2, round(PARTS_PER_SPAN * finest))
+    if finest <= 1 or system.aim or target.kind == "zones":
+        return 1
+    wanted = max(2, round(PARTS_PER_SPAN * finest))
+    return max(1, min(wanted, MOST_PARTS, MOST_OF_ALL // max(target.pixels)))
 
 
 def _lit_spans(system: OpticalSystem, level: int) -> list[float]:

@@ -49,12 +49,13 @@ def freedom_note(
 
 
 def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed: float) -> str:
-    """Return a sentence on the rear that takes the light which a free front sends beside it, or "".
+    """Return a sentence on the rear of a lens alone that takes the light which a free front sends, or "".
 
     lens : of the map.  missed : share of the light that misses surfaces behind the first.
     """
     key = system.problem.optic.key("rear") + ".half_width"
-    if system.shaped != "front" or system.reflects or missed < MISSED:
+    alone = not system.problem.element and system.shaped == "front"
+    if not alone or system.reflects or missed < MISSED:
         return ""
     said = f"{missed:.1%} of the light would miss the rear on its way to where the transport map sends it"
     half = [WIDER * h for h in system.lens.rear.half_width]

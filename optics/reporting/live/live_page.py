@@ -21,6 +21,7 @@ from optics.light.blur import spot_rms
 from optics.light.engines import Engine
 from optics.reporting.report import figures_html, light_pictures, page_head
 from optics.scene.photometry import uniformity
+from optics.scene.receivers import merged
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -160,8 +161,8 @@ def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engi
     """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
     objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
     shown = stage.screen.projection()  # in the far field intensities are compared
-    wanted = stage.screen.crop(objective.target) / shown
-    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / shown
+    wanted = merged(stage.screen.crop(objective.target) / shown, stage.parts)
+    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / merged(shown, stage.parts)
     name = f"{'' if stage.iterations else 'before '}{stage.name}"
     pictures = [(f"{caption} ({name})", png) for caption, png in light_pictures(wanted, image)]
     misfit, asked = float(np.linalg.norm(image - wanted) / np.linalg.norm(wanted)), system.problem.verify

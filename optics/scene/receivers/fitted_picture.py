@@ -35,6 +35,12 @@ def fit_picture(light: Floats, pixels: tuple[int, int], aspect: float, fit: str 
     return fitted
 
 
+def merged(image: Floats, parts: int) -> Floats:
+    """Return the means of an image over pixels of parts x parts of its own."""
+    rows, columns = (n // parts for n in image.shape)
+    return np.asarray(image.reshape(rows, parts, columns, parts).mean(axis=(1, 3)))
+
+
 def divided(light: Floats, parts: int) -> Floats:
     """Return pixels' light in parts x parts of each, (parts rows, parts columns), whose means are that light.
 

@@ -24,6 +24,7 @@ from optics.scene.receivers import (
     fit_picture,
     formula_light,
     formula_pixels,
+    merged,
     smoothest_light,
     uniform_region,
     zone_places,
@@ -197,20 +198,31 @@ class LightTarget:
     def irradiance(self, screen: Screen, flux: float) -> Floats:
         """Return the target irradiance on a screen's pixels, or on their parts, see `target_irradiance`."""
         parts = screen.pixels[0] // self.settings.pixels[0]
-        if parts > 1:
+        if parts > 1 and screen.half_width == self.settings.half_width:
             return target_irradiance(self._light_within(parts), screen, "stretch", flux)
         return target_irradiance(self.light, screen, self.settings.placing, flux)
 
     def _light_within(self, parts: int) -> Floats:
-        """Return the light of parts x parts of each pixel: the region or formula, or `divided` light."""
+        """Return the light of parts x parts of each pixel: the region or formula, or `divided` light.
+
+        The means over pixels are those of the light asked for, which samples of a formula hit nearly.
+        """
         target = self.settings
         columns, rows = target.pixels
-        if target.kind == "tophat":
-            return uniform_region(target.shape, (parts * columns, parts * rows), target.lit)
-        if target.kind == "function":
-            return formula_light(target.formula, (parts * columns, parts * rows))
         aspect = target.half_width[0] / target.half_width[1]
-        return divided(fit_picture(self.light, target.pixels, aspect, target.placing), parts)
+        light = fit_picture(self.light, target.pixels, aspect, target.placing)
+        if target.kind not in ("tophat", "function"):
+            return divided(light, parts)
+        finer = parts * columns, parts * rows
+        if target.kind == "tophat":
+            within = uniform_region(target.shape, finer, target.lit)
+        else:
+            within = formula_light(target.formula, finer)
+        means = merged(within, parts)
+        share = np.divide(light, means, out=np.zeros_like(light), where=means > 0)
+        other = np.where(means > 0, 0.0, light)
+        share, other = (a.repeat(parts, axis=0).repeat(parts, axis=1) for a in (share, other))
+        return within * share + other
 
 
 def target_irradiance(light: Floats, screen: Screen, fit: str, flux: float) -> Floats:

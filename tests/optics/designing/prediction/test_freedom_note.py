@@ -91,6 +91,21 @@ def test_a_fixed_rear_that_light_misses_is_proposed_wider(backend):
     assert other.efficiency + other.stray > 0.92
 
 
+def test_no_rear_of_several_lenses_is_proposed(backend):
+    """The light that misses a face may miss that of another lens."""
+    freeform = {"spans": (5, 5), "max_level": 1, "z_freedom": 5.5}
+    faces = [{"half_width": (half, half), "freeform": False} for half in (10, 9)]
+    lenses = [
+        {"name": "L1", "front": faces[0] | {"freeform": freeform}, "rear": faces[0], "position": (0, 0, -40)},
+        {"name": "L2", "front": faces[1], "rear": faces[1], "position": (0, 0, 0)},
+    ]
+    lenses = [lens | {"kind": "lens", "index": 1.5, "thickness": 6} for lens in lenses]
+    source = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 60}
+    target = {"kind": "function", "formula": "1 + 0.3*x", "position": (0, 0, 100), "half_width": (60, 60)}
+    system = solvable_system(Problem(source=source, element=lenses, target=target | {"pixels": (16, 16)}))
+    assert "would miss the rear" not in expected(system, backend)[0].note
+
+
 @pytest.mark.slow
 def test_the_design_says_what_check_says(tmp_path, backend):
     """Of a start whose coarse mesh alone is cut off, for which the design does without the map."""

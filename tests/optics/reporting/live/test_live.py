@@ -4,12 +4,13 @@ import re
 from importlib import import_module
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row, stages
 from optics.reporting.live.live_page import NOT_FRESH, SECONDS, LiveState, LiveView, live_page
-from tests.optics.cases import WIDE, small_system
+from tests.optics.cases import WIDE, picture, small_system
 
 page = import_module("optics.reporting.live.live_page")
 EVENT = ProgressEvent("level 1", 3.0, "289 DOF", 0.25, 42.0)
@@ -114,3 +115,17 @@ def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp
     said = " ".join(page._light(stage, system, system.lens, target, None)["so_far"])
     assert "rel_l2 0 so far" in said
     assert "U0 = I_min/I_mean 1 so far" in said
+
+
+def test_where_pixels_have_parts_the_page_reads_whole_pixels_as_the_verdict_does(tmp_path, monkeypatch):
+    fine = {"lens.rear.freeform.spans": [7, 7], "lens.rear.freeform.max_level": 3, "target.pixels": [24, 24]}
+    system = small_system(tmp_path, fine)
+    stage = stages(system, True)[-1]
+    assert stage.parts == 3
+    target, light = system.target.irradiance(stage.screen, 1.0), picture(24, 24)
+    asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: light)
+    monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
+    said = " ".join(page._light(stage, system, system.lens, target, None)["so_far"])
+    wanted = target.reshape(24, 3, 24, 3).mean(axis=(1, 3))
+    off = np.linalg.norm(light - wanted) / np.linalg.norm(wanted)
+    assert f"rel_l2 {off:.3g} so far" in said
