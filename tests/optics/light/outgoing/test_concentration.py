@@ -247,6 +247,7 @@ def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
     assert f" mm {place} vertex" in concentration_sentence(system, found)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("ways", "place"),
     [
@@ -275,6 +276,7 @@ def test_the_sentence_says_from_where_to_where_several_elements_were_searched(ba
     assert "searched up to 280 mm before M2.face, from L1.rear on)" in concentration_sentence(system, found)
 
 
+@pytest.mark.slow
 def test_light_that_meets_close_to_a_turned_mirror_is_found(concentrated, backend):
     """Rays of a sphere meet 2 mm from the mirror, which others leave 10 mm farther along the way."""
     _, alone = concentrated(BURNING | {"lens.rear.radius": -20.0, "lens.rear.conic": 0.0})
