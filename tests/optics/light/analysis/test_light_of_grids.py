@@ -95,15 +95,16 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "within", "most"),
-    [("beam", 0.2, 2), ("curved front", 0.2, 2), ("point", 0.3, 3), ("far field", 0.3, 2)],
+    [("beam", 0.2, 2), ("curved front", 0.2, 2), ("point", 0.3, 2.1), ("far field", 0.3, 2)],
 )
 def test_the_error_that_is_told_is_the_error(tmp_path, backend, monkeypatch, name, within, most):
     """In the mean over three sizes, each within twice: how cells lie to the pixels moves either error.  The
     middle lines of a cone's cells lie on lines of pixels, which takes more off some sizes than off others.
     """
     case, ratios = Made(tmp_path, WHOLE[name], backend), []
-    fine, coarse = (case.light(n, n)[0] for n in (2411, 1201))
-    exact = extrapolated(fine, coarse, (2411 / 1201) ** 2) / case.screen.projection()
+    counts = (2412, 1202) if case.system.source.kinked else (2411, 1201)  # cells of a cone are an even number
+    fine, coarse = (case.light(n, n)[0] for n in counts)
+    exact = extrapolated(fine, coarse, (counts[0] / counts[1]) ** 2) / case.screen.projection()
     for cells in (256, 512, 1024):
         monkeypatch.setattr(light_of_cells, "_cells", lambda *_, cells=cells: cells)
         result = measure(case.system, case.lens, case.backend)
