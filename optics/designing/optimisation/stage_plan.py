@@ -22,6 +22,10 @@ CELLS_PER_SPAN = 3.6
 # pixels, whose means alone are asked for (exp(-2 r^2) + 0.1 on 64 x 64 pixels, 192 spans: rel_l2 is 0.0001,
 # and 0.020 of the same lens on pixels a quarter as wide; with parts 0.0001 and 0.0004)
 PARTS_PER_SPAN = 4 / 3
+# and at least, of light that is known everywhere, as that of pictures is not: else its border lies anywhere
+# within the outermost pixels (a ramp by 24 spans on 64 pixels: 0.0035, and 0.137 of the same lens on pixels a
+# quarter as wide; with two parts 0.0053 and 0.040)
+OF_FORMULAS = 2
 # of a pixel, and of all in a direction, in each direction: those of strips would fill the memory
 MOST_PARTS, MOST_OF_ALL = 6, 2048
 # steps of a stage from which on the first are taken on fewer cells; one of LATE of them is not; and the cells
@@ -199,13 +203,14 @@ def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
 
 
 def _parts(system: OpticalSystem, level: int) -> int:
-    """Return the parts of a pixel in each direction: 1 where the spans of a level are as wide, where light is
-    blurred or displaced, and of zones."""
+    """Return the parts of a pixel in each direction: 1 where light is blurred or displaced, of zones, and of
+    pictures where the spans of a level are as wide as pixels."""
     target = system.target.settings
-    finest = max(s / n for s, n in zip(_lit_spans(system, level), target.pixels))
-    if finest <= 1 or system.aim or target.kind == "zones":
+    if system.aim or target.kind == "zones":
         return 1
-    wanted = max(2, round(PARTS_PER_SPAN * finest))
+    finest = max(s / n for s, n in zip(_lit_spans(system, level), target.pixels))
+    least = 1 if target.kind == "image" else OF_FORMULAS
+    wanted = max(2, round(PARTS_PER_SPAN * finest)) if finest > 1 else least
     return max(1, min(wanted, MOST_PARTS, MOST_OF_ALL // max(target.pixels)))
 
 
