@@ -137,9 +137,9 @@ class RayFileSource(FileSource):
     def replicates(
         self, number: int, counts: Counts, fresh: np.random.Generator, most: int
     ) -> Iterator[Iterator[Rays]]:
-        kept = self.placed.thinned(number * counts[0] * counts[1], float(fresh.uniform()))
-        for hand in kept.dealt(number):
-            yield hand.slices(most)
+        offset = float(fresh.uniform())
+        for hand in self.placed.dealt(number):
+            yield hand.thinned(counts[0] * counts[1], offset).slices(most)
 
 
 def placed_rays(rays: RaySet, pose: Pose, flux: float) -> Rays:

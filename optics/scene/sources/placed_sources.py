@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import acos, degrees, isqrt
 from operator import attrgetter
 from typing import Any
@@ -96,7 +97,16 @@ class PlacedSource(LightSource):
     def parts(
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS
     ) -> Iterator[Rays]:
-        for part in self.source.parts(counts, fresh, most):
+        yield from self._posed(self.source.parts(counts, fresh, most))
+
+    def replicates(
+        self, number: int, counts: Counts, fresh: np.random.Generator, most: int
+    ) -> Iterator[Iterator[Rays]]:
+        for parts in self.source.replicates(number, counts, fresh, most):
+            yield self._posed(parts)
+
+    def _posed(self, parts: Iterator[RayGrid | Rays]) -> Iterator[Rays]:
+        for part in parts:
             own = part.rays(self.source.middle[2]) if isinstance(part, RayGrid) else part
             yield own.posed(self.pose)
 
@@ -163,9 +173,20 @@ class SourceGroup(LightSource):
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS
     ) -> Iterator[Rays]:
         for member in self.members:
-            share = counts[0] * counts[1] * member.flux / self.flux
-            each = max(LEAST, isqrt(round(share)))
-            yield from member.parts((each, each), fresh, most)
+            yield from member.parts(self._counts_of(member, counts), fresh, most)
+
+    def replicates(
+        self, number: int, counts: Counts, fresh: np.random.Generator, most: int
+    ) -> Iterator[Iterator[RayGrid | Rays]]:
+        sets = [m.replicates(number, self._counts_of(m, counts), fresh, most) for m in self.members]
+        for parts in zip(*sets):
+            yield chain.from_iterable(parts)
+
+    def _counts_of(self, member: LightSource, counts: Counts) -> tuple[int, int]:
+        """Return how many rays a member has of those of all, by its share of the flux."""
+        share = counts[0] * counts[1] * member.flux / self.flux
+        each = max(LEAST, isqrt(round(share)))
+        return each, each
 
 
 def _around(points: Floats) -> Stack:
