@@ -9,6 +9,7 @@ shrinks.
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from thbcad.lens import Lens
 
 NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
+AT_ONCE = 1 << 20  # rays of a source; they are joined again
 REPLICATES, PILOT = 8, 2  # the first ones tell whether the others are needed
 ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (extended source, measured)
 # fates of light that went through the lens; what passes beside it is taken as stopped by the mount
@@ -69,10 +71,12 @@ def nonsequential_light(
     fates: list[Fates] = []
     within: list[Branches] = []
     solid, plane = system.solid(lens), TargetArea.of(system.own_path(lens), screen.half_width)
+    number = replicates or REPLICATES
+    sets = system.source.replicates(number, RAYS, rng, AT_ONCE)
 
     def trace(count: int) -> OtherLight:
         """All at once: most generations of branches are few, and cost what they cost by their number."""
-        parts = [system.own_rays(system.source.rays(RAYS, rng), lens) for _ in range(count)]
+        parts = [Rays.joined([system.own_rays(part, lens) for part in each]) for each in islice(sets, count)]
         every = trace_nonsequential(
             backend, solid, Rays.joined(parts), plane, threshold=ROULETTE, roulette=rng
         )
@@ -93,7 +97,7 @@ def nonsequential_light(
         onto_rear = Rays(last.origin, last.direction, last.flux / len(fates)) if last.flux.size else None
         return OtherLight(light, mean, share, onto_rear)
 
-    pilot, more = trace(PILOT), (replicates or REPLICATES) - PILOT
+    pilot, more = trace(PILOT), number - PILOT
     return trace(more) if more and not pilot.negligible else pilot
 
 

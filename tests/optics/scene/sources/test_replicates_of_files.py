@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import optics
-from optics.light.analysis import measure
+from optics.light.analysis import measure, nonsequential_light
 from optics.scene.problem import SourceArray
 from optics.scene.ray_files import RaySet, write_rays
-from optics.scene.sources import Profile, Rays, lambertian_parts
+from optics.scene.sources import Rays
 from optics.scene.system import source_of
 
 PLACES = {
@@ -18,15 +18,19 @@ PLACES = {
 SETS = 8
 
 
-def problem(folder, keys, count, power=0.0):
-    """A slab before a target, lit by `count` rays of a file, whose flux is uneven by a power."""
-    (rays,) = lambertian_parts((0.5, 0.5), 0.0, 1.0, 60.0, Profile(), count, 3, 1 << 30)
-    uneven = np.random.default_rng(5).exponential(size=count) ** power
-    write_rays(RaySet(rays.origin.T, rays.direction.T, uneven), folder / "lamp.tm25ray")
-    faces = {"front": {"half_width": (8, 8)}, "rear": {"half_width": (8, 8), "freeform": {"spans": (2, 2)}}}
+def problem(folder, keys, count, power=0.0, seed=3, radius=np.inf):
+    """A lens before a target, lit by random rays of a Lambertian square, whose flux is uneven by a power."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-0.5, 0.5, (2, count))
+    square, turn = 0.75 * rng.random(count), rng.uniform(0, 2 * np.pi, count)  # as far as 60 degrees
+    sine = np.sqrt(square)
+    direction = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1 - square)], axis=1)
+    origin = np.stack([x, y, np.zeros(count)], axis=1)
+    write_rays(RaySet(origin, direction, rng.exponential(size=count) ** power), folder / "lamp.tm25ray")
+    rear = {"half_width": (8, 8), "radius": radius, "freeform": {"spans": (2, 2)}}
     return optics.Problem(
         source={"kind": "rays", "file": str(folder / "lamp.tm25ray")} | keys,
-        lens={"index": 1.5, "thickness": 4, **faces},
+        lens={"index": 1.5, "thickness": 4, "front": {"half_width": (8, 8)}, "rear": rear},
         target={"kind": "tophat", "distance": 20, "half_width": (30, 30), "pixels": (12, 12)},
     )
 
@@ -53,3 +57,17 @@ def test_the_noise_of_a_file_is_told_wherever_its_light_stands(tmp_path):
     assert floors["lone"] > 0.1
     assert floors["position"] == pytest.approx(floors["lone"], rel=0.2)
     assert floors["array"] == pytest.approx(floors["lone"], rel=0.3)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_noise_of_light_by_other_ways_is_that_of_files(tmp_path, place):
+    """Of eight lenses, each lit by another file of the same lamp."""
+    found = []
+    for seed in range(8):
+        system = optics.System(problem(tmp_path, PLACES[place], 2048, seed=seed, radius=15.0)).optical
+        other = nonsequential_light(system, system.lens, system.target.screen(), system.backend)
+        assert other.share > 0.1
+        found.append(other.light)
+    spread = np.sqrt(np.var([light.irradiance for light in found], axis=0, ddof=1).sum())
+    told = np.sqrt(np.mean([light.error**2 for light in found], axis=0).sum())
+    assert told == pytest.approx(spread, rel=0.25)
