@@ -12,14 +12,16 @@ from optics.light.blur.convolution import blur_of
 from optics.light.tracing import Tracer
 from optics.scene.sources import LightSource
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Bools, Floats, Integers
 from thbcad.lens import Lens
 
 PATCHES = 16  # in each direction, over the rear
+FEWER_PATCHES = PATCHES, 8, 4, 2  # of which the first are taken that know most of the light
 RAYS = (2048, 512)
 EVEN_WIDTH = sqrt(12)  # of an even spot, in its standard deviation
 FEWER_RAYS = (512, 512)  # for the mean over all patches
 LEAST_RAYS = 100  # per patch, for its image to be measured
+MOST = 0.5  # of the light
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +60,28 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
 
 
 def _spot_rms(system: OpticalSystem, lens: Lens, source: LightSource, backend: Backend) -> float:
-    images = patch_images(system, lens, backend, FEWER_RAYS, source)
-    known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
+    images, known = _known_images(system, lens, source, backend)
     if not known.any():
         return 0.0
     deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0)) / EVEN_WIDTH, images.flux[known]
     order = np.argsort(deviations)
     light = np.cumsum(flux[order])
     return float(deviations[order][np.searchsorted(light, light[-1] / 2)])
+
+
+def _known_images(
+    system: OpticalSystem, lens: Lens, source: LightSource, backend: Backend
+) -> tuple[PatchImages, Bools]:
+    """Return the images through as many patches as know most of the light, and which of them are known.
+
+    A ray file holds few rays, and of a wide source few meet the lens.
+    """
+    for patches in FEWER_PATCHES:
+        images = patch_images(system, lens, backend, FEWER_RAYS, source, patches)
+        known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
+        if images.flux[known].sum() > MOST * images.flux.sum():
+            break
+    return images, known
 
 
 def spot_width(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
@@ -84,10 +100,12 @@ def patch_images(
     backend: Backend,
     rays: tuple[int, int] = RAYS,
     source: LightSource | None = None,
+    patches: int = PATCHES,
 ) -> PatchImages:
     """Trace rays from the whole source and return the PatchImages of a lens.
 
     backend : of double precision.  rays : their product counts.  source : one of several; None is all.
+    patches : in each direction.
 
     The position in a patch at which a ray leaves the last surface moves its image.  A quadratic in this
     position is fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the
@@ -102,19 +120,20 @@ def patch_images(
         backend.dr.eval(values)
     x, y, *arrival, flux = (a.numpy() for a in values)
     lit = flux > 0
-    positions = [(a[lit] / h + 1) / 2 * PATCHES for a, h in zip((x, y), path.surfaces[last].shape.half_width)]
-    cells = [np.clip(np.floor(a).astype(int), 0, PATCHES - 1) for a in positions]
+    positions = [(a[lit] / h + 1) / 2 * patches for a, h in zip((x, y), path.surfaces[last].shape.half_width)]
+    cells = [np.clip(np.floor(a).astype(int), 0, patches - 1) for a in positions]
     within = [2 * (a - c) - 1 for a, c in zip(positions, cells)]
-    patch = cells[0] * PATCHES + cells[1]
-    squares = _residual_squares(patch, within, [a[lit] for a in arrival], flux[lit])
-    width = np.sqrt(12 * np.maximum(squares, 0)).reshape(2, PATCHES, PATCHES)
-    total = np.bincount(patch, flux[lit], PATCHES**2).astype(np.float64).reshape(PATCHES, PATCHES)
+    patch = cells[0] * patches + cells[1]
+    squares = _residual_squares(patch, within, [a[lit] for a in arrival], flux[lit], patches**2)
+    width = np.sqrt(12 * np.maximum(squares, 0)).reshape(2, patches, patches)
+    total = np.bincount(patch, flux[lit], patches**2).astype(np.float64).reshape(patches, patches)
     return PatchImages(total, width)
 
 
-def _residual_squares(patch: Integers, within: list[Floats], arrival: list[Floats], flux: Floats) -> Floats:
-    """Return the mean squares that a quadratic fit in every patch leaves, (2, patches)."""
-    count = PATCHES**2
+def _residual_squares(
+    patch: Integers, within: list[Floats], arrival: list[Floats], flux: Floats, count: int
+) -> Floats:
+    """Return the mean squares that a quadratic fit in every one of `count` patches leaves, (2, count)."""
 
     def summed(values: Floats) -> Floats:
         return np.asarray(np.bincount(patch, values, count), dtype=np.float64)

@@ -38,6 +38,22 @@ def test_a_beam_spreads_by_its_angles_times_the_distance(tmp_path, backend, kind
     assert found == pytest.approx(200 * rms, rel=3e-3)
 
 
+@pytest.mark.parametrize("near", [40.0, 80.0])
+def test_light_of_which_little_meets_the_lens_spreads_too(tmp_path, backend, near):
+    """A square of side 2 h that shines into a half-space, through a thin window: h L / d / sqrt(3)."""
+    half = 1.5
+    changes = {
+        "lens.front.half_width": [10.0, 10.0],
+        "lens.rear.half_width": [10.0, 10.0],
+        "source.kind": "lambertian",
+        "source.half_width": [half, half],
+        "source.distance": near,
+        "source.flux": 1.0,
+    }
+    found, _ = spread(tmp_path, backend, changes)
+    assert found == pytest.approx(half / sqrt(3) * 200 / near, rel=0.05)
+
+
 @pytest.mark.slow
 def test_an_area_spreads_as_its_shadow_through_a_pinhole(tmp_path, backend):
     """Through a point of a thin window a square of side 2 h at distance d is thrown h / sqrt(3) L / d wide.
