@@ -20,6 +20,7 @@ from optics.scene.problem import Verify
 WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
 FEWER_DARK = "optimizer.dark_flux_weight, raised, trades evenness for less of it"
 MORE_RAYS = "more target.pixels are measured by more rays"
+LONGER_FILE = "source.file has no more"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
@@ -105,7 +106,8 @@ def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     if uniformity["min_over_mean"] is None and rays and noise > NOISE:
         wanted = rays * (noise / NOISE) ** 2
         return (
-            f"{uniformity['reason']}; about {wanted:.1e} rays in place of {rays:.1e} would tell: {MORE_RAYS}"
+            f"{uniformity['reason']}; about {wanted:.1e} rays in place of {rays:.1e} would tell: "
+            f"{_more_rays(metrics)}"
         )
     return str(uniformity["reason"])
 
@@ -143,7 +145,12 @@ def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float,
     if not gap:
         return "no number of rays tells a value from its limit that equals it"
     wanted = rays * (RESOLVED * error / gap) ** 2
-    return f"about {wanted:.1e} rays in place of {rays:.1e} would decide: {MORE_RAYS}"
+    return f"about {wanted:.1e} rays in place of {rays:.1e} would decide: {_more_rays(metrics)}"
+
+
+def _more_rays(metrics: dict[str, Any]) -> str:
+    """Return where more rays come from."""
+    return LONGER_FILE if "rays_of_file" in metrics else MORE_RAYS
 
 
 def judged(

@@ -18,7 +18,7 @@ from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
-from optics.scene.sources import RayGrid, Rays
+from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
@@ -53,6 +53,14 @@ def ray_count(screen: Screen) -> int:
     """Return how many rays of all replicates together measure the light on a screen, about."""
     pixels = screen.pixels[0] * screen.pixels[1]
     return max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
+
+
+def ray_numbers(source: LightSource, screen: Screen) -> dict[str, int]:
+    """Return about how many rays measure the light, and how many a ray file has where it has no more."""
+    wanted = ray_count(screen)
+    if source.most_rays > wanted:
+        return {"rays": wanted}
+    return {"rays": int(source.most_rays), "rays_of_file": int(source.most_rays)}
 
 
 def _trace(

@@ -20,7 +20,7 @@ from optics.light.analysis.judgement import Verdict, delivery_checks, judged
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import grid_irradiance
-from optics.light.analysis.light_of_rays import ray_count, ray_irradiance
+from optics.light.analysis.light_of_rays import ray_count, ray_irradiance, ray_numbers
 from optics.light.analysis.light_of_wavelengths import (
     SpectralLight,
     colour_metrics,
@@ -114,7 +114,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     if system.reflects:
         metrics["element"] = "mirror"
     if estimator == "rays":
-        metrics["rays"] = ray_count(screen)
+        metrics |= ray_numbers(system.source, screen)
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     lit_error = max(light.lit_error(target > 0, screen.pixel_area), light.off_error)

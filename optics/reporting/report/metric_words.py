@@ -38,6 +38,7 @@ WORDS = {
     "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
     "contrast_error_std": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rays": ("", "rays that measured the light, about"),
+    "rays_of_file": ("", "rays that the source's file has: all of them measured the light"),
     "lit_efficiency_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "paths": ("", "light that counts: all ways through the lens, or from surface to surface only"),
     "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),

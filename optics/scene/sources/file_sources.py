@@ -125,6 +125,10 @@ class RayFileSource(FileSource):
             rays = read_rays(self.file)
         return placed_rays(rays, self.pose, self.flux)
 
+    @property
+    def most_rays(self) -> float:
+        return len(self.placed.flux)
+
     def sample(self) -> Rays:
         return self.placed
 

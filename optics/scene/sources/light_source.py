@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import log2
+from math import inf, log2
 from typing import ClassVar
 
 import numpy as np
@@ -118,6 +118,11 @@ class LightSource(ABC):
     def middle(self) -> tuple[float, float, float]:
         """The point in the middle of the source, mm."""
         return 0.0, 0.0, -self.distance
+
+    @property
+    def most_rays(self) -> float:
+        """How many rays it has, inf where any number can be made."""
+        return inf
 
     @property
     def cone(self) -> float:

@@ -48,6 +48,7 @@ class PlacedSource(LightSource):
     profile = _of_source("profile")
     image = _of_source("image")
     cone = _of_source("cone")
+    most_rays = _of_source("most_rays")
     assumed = _of_source("assumed")
 
     @property
@@ -148,6 +149,10 @@ class SourceGroup(LightSource):
     @property
     def cone(self) -> float:
         return max(member.cone for member in self.members)
+
+    @property
+    def most_rays(self) -> float:
+        return sum(member.most_rays for member in self.members)
 
     @property
     def assumed(self) -> list[str]:

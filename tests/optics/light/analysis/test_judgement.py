@@ -135,6 +135,12 @@ def test_uniformity_that_noise_hides_asks_for_pixels_that_bring_the_rays():
     assert "target.pixels" in found.remark
 
 
+def test_a_file_that_has_no_more_rays_is_not_asked_for_pixels():
+    values = uniform(min_over_mean=0.71, min_over_mean_error=0.02, rays=4000, rays_of_file=4000)
+    found = next(iter(delivery_checks(values, Verify())))
+    assert found.remark == "about 6.4e+04 rays in place of 4.0e+03 would decide: source.file has no more"
+
+
 @pytest.mark.parametrize(
     ("fate", "sentence"),
     [

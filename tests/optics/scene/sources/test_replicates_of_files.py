@@ -53,7 +53,9 @@ def test_the_noise_of_a_file_is_told_wherever_its_light_stands(tmp_path):
     floors = {}
     for place, keys in PLACES.items():
         system = optics.System(problem(tmp_path, keys, 4096)).optical
-        floors[place] = measure(system, system.lens, system.backend).metrics["rel_l2_floor"]
+        metrics = measure(system, system.lens, system.backend).metrics
+        floors[place] = metrics["rel_l2_floor"]
+        assert metrics["rays"] == metrics["rays_of_file"] == (8192 if place == "array" else 4096)
     assert floors["lone"] > 0.1
     assert floors["position"] == pytest.approx(floors["lone"], rel=0.2)
     assert floors["array"] == pytest.approx(floors["lone"], rel=0.3)
