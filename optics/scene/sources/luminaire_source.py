@@ -28,11 +28,13 @@ class LuminaireSource(FileSource):
     """A luminaire in the scene.
 
     half_width : of its opening, mm, about its origin.  shape : "uniform", or "round" for an ellipse.
+    weight : by which `flux` is that of the problem.
     Where `flux` and `half_width` are zero the file's own are `told`.
     """
 
     half_width: tuple[float, float]
     shape: str
+    weight: float = 1.0
     emitter = True
 
     @cached_property
@@ -56,7 +58,7 @@ class LuminaireSource(FileSource):
     @property
     def told(self) -> dict[str, object]:
         changes: dict[str, object] = {}
-        if not self.flux:
+        if not self.flux and self.weight:
             changes["source.flux"] = self.directions.light.flux
         if not any(self.half_width):
             opening = self.directions.light.opening
@@ -72,9 +74,10 @@ class LuminaireSource(FileSource):
             "near field, so that no bound of etendue is given"
         ]
         own = self.directions.light.flux
-        if abs(self.flux / own - 1) > SAME_FLUX:
+        given = self.flux / self.weight if self.weight else own
+        if abs(given / own - 1) > SAME_FLUX:
             sentences.append(
-                f"the flux of source.file, {own:.6g}, is scaled to source.flux = {self.flux:g}; 0 keeps it"
+                f"the flux of source.file, {own:.6g}, is scaled to source.flux = {given:g}; 0 keeps it"
             )
         return sentences
 

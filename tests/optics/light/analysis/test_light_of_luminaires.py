@@ -163,6 +163,9 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
     own = system.problem.source.flux
     scaled = advice(lit(lamp, **{"source.flux": 2.0}).optical)
     assert f"the flux of source.file, {own:.6g}, is scaled to source.flux = 2; 0 keeps it" in scaled
+    dimmed = advice(lit(lamp, **{"source.flux": 2.0, "source.weight": 0.5}).optical)
+    assert f"the flux of source.file, {own:.6g}, is scaled to source.flux = 2; 0 keeps it" in dimmed
+    assert "scaled" not in "".join(advice(lit(lamp, **{"source.weight": 0.5}).optical))
     assert "scaled" not in "".join(advice(system))
 
 
