@@ -24,6 +24,7 @@ class RaySet:
 
     position : (n, 3) mm.  direction : (n, 3), unit vectors.  flux : (n,) in `unit`.
     unit : "W" or "lm".  wavelength : (n,) nm; None where the rays have none.
+    lumens : (n,), where a file has them beside watts; they are not written.
 
     Raises UserError : wrong shapes, numbers that are not finite, directions that are no unit vectors,
         negative flux.
@@ -34,12 +35,14 @@ class RaySet:
     flux: Single
     unit: Unit = "W"
     wavelength: Single | None = None
+    lumens: Single | None = None
 
     def __post_init__(self) -> None:
         n = np.size(self.flux)
         columns = {"position": (n, 3), "direction": (n, 3), "flux": (n,)}
-        if self.wavelength is not None:
-            columns["wavelength"] = (n,)
+        for name in ("wavelength", "lumens"):
+            if getattr(self, name) is not None:
+                columns[name] = (n,)
         if self.unit not in UNITS:
             raise UserError(f'the unit of rays must be "W" or "lm", got {self.unit!r}')
         if n == 0:
@@ -60,6 +63,8 @@ class RaySet:
         darkest = int(self.flux.argmin())
         if self.flux[darkest] < 0:
             raise UserError(f"the flux of ray {darkest} must not be negative, got {self.flux[darkest]:g}")
+        if self.lumens is not None and self.lumens.min() < 0:
+            raise UserError(f"lumens must not be negative, got {self.lumens.min():g}")
         if self.total == 0:
             raise UserError("all rays have no flux")
         if self.wavelength is not None and self.wavelength.min() <= 0:
@@ -69,6 +74,12 @@ class RaySet:
     def total(self) -> float:
         """Flux of all rays, in `unit`."""
         return float(self.flux.sum(dtype=np.float64))
+
+    def shares(self, unit: str) -> NDArray[np.float64]:
+        """Return the parts of the light that rays have in a unit, as far as they have any in it, (n,)."""
+        by_lumens = unit == "lm" and self.lumens is not None and self.lumens.any()
+        flux = np.asarray(self.lumens if by_lumens else self.flux, np.float64)
+        return flux / flux.sum()
 
     def __len__(self) -> int:
         return len(self.flux)

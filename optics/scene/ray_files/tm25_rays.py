@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
 from optics.scene.ray_files.binary import packed_type, record, require_rows, rows
-from optics.scene.ray_files.ray_set import IN_WATTS, UNIT_LENGTH, RaySet
+from optics.scene.ray_files.ray_set import IN_WATTS, UNIT_LENGTH, RaySet, Unit
 
 SIGNATURE, VERSIONS = b"TM25", (2013, 2020)
 TEXTS = 9  # name, maker, ... of the source
@@ -51,7 +51,7 @@ LOOKED_AT = 1000  # rays, by which a start is judged
 
 
 def read_tm25(path: Path, data: memoryview) -> RaySet:
-    """Return the rays of a TM-25 file; of two fluxes the one in watts.
+    """Return the rays of a TM-25 file; of two fluxes `flux` is the one in watts.
 
     Raises UserError : another version, a header that contradicts itself, or fewer bytes than it
         promises.
@@ -79,7 +79,11 @@ def read_tm25(path: Path, data: memoryview) -> RaySet:
     wavelength = table[:, first[WAVELENGTH]] if has[WAVELENGTH] else None
     if wavelength is None and head["spectrum"] == 1 and head["wavelength"] > 0:
         wavelength = np.full(len(table), head["wavelength"], np.float32)
-    return RaySet(table[:, :3], table[:, 3:6], table[:, first[flux]], "W" if has[WATTS] else "lm", wavelength)
+    lumens = table[:, first[LUMENS]] if has[WATTS] and has[LUMENS] else None
+    if lumens is not None and not np.isfinite(lumens).all():
+        lumens = None
+    unit: Unit = "W" if has[WATTS] else "lm"
+    return RaySet(table[:, :3], table[:, 3:6], table[:, first[flux]], unit, wavelength, lumens)
 
 
 def _table(path: Path, data: memoryview, head: dict[str, Any], columns: int) -> NDArray[np.float32]:

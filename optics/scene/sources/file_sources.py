@@ -113,7 +113,12 @@ class FileSource(LightSource):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RayFileSource(FileSource):
-    """The rays of a file."""
+    """The rays of a file.
+
+    unit : of the flux, "W" or "lm", by which a file's rays count that has both.
+    """
+
+    unit: str = "W"
 
     @cached_property
     def placed(self) -> Rays:
@@ -123,7 +128,7 @@ class RayFileSource(FileSource):
         """
         with speaking_of("source.file"):
             rays = read_rays(self.file)
-        return placed_rays(rays, self.pose, self.flux)
+        return placed_rays(rays, self.pose, self.flux, self.unit)
 
     @property
     def most_rays(self) -> float:
@@ -146,17 +151,16 @@ class RayFileSource(FileSource):
             yield hand.thinned(counts[0] * counts[1], offset).slices(most)
 
 
-def placed_rays(rays: RaySet, pose: Pose, flux: float) -> Rays:
+def placed_rays(rays: RaySet, pose: Pose, flux: float, unit: str = "W") -> Rays:
     """Return rays in the scene, in Morton's order.
 
-    pose : of the file's frame.  flux : W, of all rays.
+    pose : of the file's frame.  flux : of all rays.  unit : of it, "W" or "lm".
     """
     direction = pose.directions(rays.direction.T.astype(np.float64))
     direction /= np.linalg.norm(direction, axis=0)
     origin = pose.points(rays.position.T.astype(np.float64))
-    each = rays.flux.astype(np.float64)
     order = np.argsort(_morton([*origin[:2], *direction[:2]]), kind="stable")
-    return Rays(origin[:, order], direction[:, order], (each * (flux / each.sum()))[order])
+    return Rays(origin[:, order], direction[:, order], (flux * rays.shares(unit))[order])
 
 
 def _morton(rows: list[Floats]) -> NDArray[np.uint64]:

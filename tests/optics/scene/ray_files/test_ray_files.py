@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 from optics import UserError
 from optics.scene.ray_files import RaySet, read_rays, write_rays
 from optics.scene.ray_files.formats import WRITERS
+from optics.scene.sources import RayFileSource
 
 SUFFIXES = [*WRITERS]
 NUMBERS = st.floats(-1e6, 1e6, width=32)
@@ -203,3 +204,19 @@ def test_the_same_rays_make_the_same_bytes(tmp_path):
         for name in ("a", "b"):
             write_rays(small(), tmp_path / f"{name}{suffix}")
         assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+
+def test_rays_with_both_fluxes_count_by_the_unit_of_the_source(tmp_path):
+    """A blue ray of 1 W and 50 lm beside a green one of 1 W and 150 lm."""
+    rays = [(1, 0, 0, 0, 0, 1, 1.0, 450, 50.0), (2, 0, 0, 0, 0, 1, 1.0, 550, 150.0)]
+    (tmp_path / "two.tm25ray").write_bytes(by_hand_tm25(rays, (1, 1, 1, 1, 1, 0, 0, 0), spectrum=2))
+    read = read_rays(tmp_path / "two.tm25ray")
+    assert read.unit == "W"
+    np.testing.assert_allclose(read.flux, [1, 1])
+    np.testing.assert_allclose(read.shares("W"), [0.5, 0.5])
+    np.testing.assert_allclose(read.shares("lm"), [0.25, 0.75])
+    still = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
+    for unit, first in (("W", 4.0), ("lm", 2.0)):
+        file = str(tmp_path / "two.tm25ray")
+        placed = RayFileSource(flux=8.0, distance=5.0, file=file, unit=unit, **still).placed
+        assert placed.flux[placed.origin[0] == 1] == pytest.approx(first)
