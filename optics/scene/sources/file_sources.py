@@ -17,7 +17,7 @@ from math import acos, degrees
 import numpy as np
 from numpy.typing import NDArray
 
-from optics.base.runtime import speaking_of
+from optics.base.runtime import UserError, speaking_of
 from optics.scene.ray_files import RaySet, read_rays
 from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair, drawn_shift
 from optics.scene.sources.plain_sources import PointSource
@@ -27,6 +27,7 @@ from thbcad.checks import Floats
 from thbcad.poses import Pose
 
 WITHIN = 0.99  # of the forward flux: the cone of the point that stands for the light
+LEAST_RAYS = 8  # of a file
 BITS = 15  # of each of four coordinates, in an integer of 64
 NEAREST, FAR_AWAY, LEAST_ANGLE = 1e-3, 1e6, 0.01  # mm, mm, degrees: limits of that point
 
@@ -136,6 +137,14 @@ class RayFileSource(FileSource):
 
     def sample(self) -> Rays:
         return self.placed
+
+    def starts(self) -> Floats:
+        if (count := len(self.placed.flux)) < LEAST_RAYS:
+            raise UserError(
+                f"source.file holds {count} rays, and {LEAST_RAYS} parts of them tell how uncertain the "
+                "light is; give a file of more"
+            )
+        return super().starts()
 
     def parts(
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS

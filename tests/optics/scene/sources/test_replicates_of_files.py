@@ -73,3 +73,9 @@ def test_the_noise_of_light_by_other_ways_is_that_of_files(tmp_path, place):
     spread = np.sqrt(np.var([light.irradiance for light in found], axis=0, ddof=1).sum())
     told = np.sqrt(np.mean([light.error**2 for light in found], axis=0).sum())
     assert told == pytest.approx(spread, rel=0.25)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_file_of_fewer_rays_than_parts_is_refused(tmp_path, place):
+    with pytest.raises(optics.UserError, match=r"source\.file holds 7 rays, and 8 parts"):
+        optics.System(problem(tmp_path, PLACES[place], 7))
