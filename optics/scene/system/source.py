@@ -97,11 +97,13 @@ def source_frames(problem: Problem) -> list[tuple[OneSource, Pose]]:
 
 
 def _poses(spec: OneSource) -> Iterator[Pose]:
-    """Yield the poses of a source, or of those of an array, from its own frame to that of the scene."""
-    middle = spec.position or (0.0, 0.0, -spec.distance)
-    pose = Pose.tilted(middle, spec.own_tilt)
+    """Yield the poses of a source, or of those of an array, from its own frame to that of the scene.
+
+    An array is tilted as a whole, also one of files, whose light turns by itself.
+    """
+    pose = Pose.tilted(spec.position or (0.0, 0.0, -spec.distance), spec.tilt)
     for x, y in spec.array.places if spec.array else [(0.0, 0.0)]:
-        yield pose @ Pose.at((x, y, spec.distance))
+        yield Pose.tilted(pose.points((x, y, 0.0)), spec.own_tilt) @ Pose.at((0.0, 0.0, spec.distance))
 
 
 def _made(keys: OneSource, problem: Problem) -> LightSource:

@@ -1,5 +1,7 @@
 """Independent sets of a ray file's rays: no two hold the same ray, wherever the light of the file stands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from optics.scene.problem import SourceArray
 from optics.scene.ray_files import RaySet, write_rays
 from optics.scene.sources import Rays
 from optics.scene.system import source_of
+from thbcad.poses import Pose
 
 PLACES = {
     "lone": {"distance": 5.0},
@@ -79,3 +82,17 @@ def test_the_noise_of_light_by_other_ways_is_that_of_files(tmp_path, place):
 def test_a_file_of_fewer_rays_than_parts_is_refused(tmp_path, place):
     with pytest.raises(optics.UserError, match=r"source\.file holds 7 rays, and 8 parts"):
         optics.System(problem(tmp_path, PLACES[place], 7))
+
+
+def test_an_array_of_files_is_tilted_as_a_whole(tmp_path):
+    """Its members stand where those of a Lambertian array do, which turn with it."""
+    keys = {"distance": 20.0, "tilt": (10.0, 30.0, 20.0)}
+    keys["array"] = SourceArray(columns=2, rows=1, pitch=(6.0, 1.0))
+    of_files = problem(tmp_path, keys, 512)
+    middle = np.array([0.0, 0.0, -20.0])
+    lambertian = replace(of_files.source, kind="lambertian", file="", half_width=(0.5, 0.5))
+    for case in (of_files, replace(of_files, source=lambertian)):
+        poses = [member.pose for member in source_of(case).members]
+        middles = np.array([pose.points(middle) for pose in poses])
+        along = Pose.tilted((0.0, 0.0, 0.0), keys["tilt"]).directions(np.array([3.0, 0.0, 0.0]))
+        np.testing.assert_allclose(middles, np.outer([-1, 1], along) + middle, atol=1e-12)
