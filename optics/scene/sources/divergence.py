@@ -83,6 +83,21 @@ class Divergence:
         return 1 / (2 * pi * a**2 * (1 - exp(-(min(FARTHEST, WIDEST / a) ** 2) / 2)))
 
     @property
+    def greatest(self) -> float:
+        """The greatest radiance in any direction times the area over the flux, 1 / sr; inf without a bound.
+
+        Of the same flux in every solid angle it goes with 1 / cos(theta), that of a Gaussian with
+        theta / (sin theta cos theta) exp(-theta^2 / (2 a^2)), which first falls and then rises: it is
+        greatest on the axis or at the rim.
+        """
+        a, end = radians(self.half_angle), radians(self.widest)
+        if self.kind == "uniform":
+            return self.brightest / cos(a)
+        if self.kind == "gaussian" and a >= SMALLEST:
+            return self.brightest * max(1.0, end / (sin(end) * cos(end)) * exp(-((end / a) ** 2) / 2))
+        return self.brightest
+
+    @property
     def widest(self) -> float:
         """The greatest angle from the axis, degrees."""
         return min(FARTHEST * self.half_angle, CUT) if self.kind == "gaussian" else self.half_angle

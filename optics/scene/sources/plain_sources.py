@@ -86,7 +86,7 @@ class AreaSource(LightSource):
     @property
     def etendue(self) -> float:
         hx, hy = self.half_width
-        return self.profile.area * hx * hy / self.spread.brightest if self.extended else 0.0
+        return self.profile.area * hx * hy / self.spread.greatest if self.extended else 0.0
 
     def envelope(self) -> tuple[Stack, float]:
         figure = ellipse_supports if self.profile.round else rectangle_supports

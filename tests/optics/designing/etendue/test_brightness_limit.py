@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.optimize import lsq_linear
 
+import optics
 from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
+from optics.scene.system import OpticalSystem
 from tests.cases import examples
 from tests.optics.cases import HOLLOW, small_system
 
@@ -116,3 +118,24 @@ def test_directions_have_a_bound_too(tmp_path):
     assert found.most_on_target == pytest.approx(256 * omega / (64 * np.pi), rel=0.1)
     assert found.least_rel_l2(0.9 * found.most_on_target) > 0
     assert found.least_rel_l2(1.0) is None
+
+
+def test_no_bound_forbids_the_light_of_a_wide_beam_through_a_thin_plate():
+    """Close behind a wide plate every point sees the whole cone: E is the flux over the source's area."""
+    plain = {"half_width": (10.0, 10.0), "reflectance": 0.0}
+    wide = optics.Problem(
+        title="a thin plate in a beam of 60 degrees",
+        source=optics.Source(kind="collimated", half_width=(10.0, 10.0), distance=0.1, divergence=60.0),
+        lens=optics.LensSpec(
+            index=1.5,
+            thickness=0.2,
+            front=optics.Front(**plain),
+            rear=optics.Rear(**plain, freeform=optics.Freeform(spans=(2, 2), z_freedom=1e-3)),
+        ),
+        target=optics.Target(
+            kind="tophat", shape="rectangle", distance=5.0, half_width=(0.5, 0.5), pixels=(4, 4)
+        ),
+    )
+    bound = universal_bound(OpticalSystem(wide))
+    assert bound.peak >= 1 / 400
+    assert bound.most_on_target >= 1 / 400

@@ -43,6 +43,23 @@ def test_the_greatest_radiance_is_that_on_the_axis(kind):
     assert u / (np.pi * sine**2) == pytest.approx(spread.brightest, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("kind", "half_angle"),
+    [("uniform", 5.0), ("uniform", 60.0), ("gaussian", 20.0), ("gaussian", 35.0), ("lambertian", 60.0)],
+)
+def test_no_direction_has_more_radiance_than_the_greatest(kind, half_angle):
+    """The radiance is the flux of a ring of angles over its projected solid angle."""
+    a = np.radians(half_angle)
+    end = min(6 * a, np.radians(89)) if kind == "gaussian" else a
+    ends = np.linspace(0, end, 20_001)
+    middles = (ends[1:] + ends[:-1]) / 2
+    flux = np.array([LAWS[kind](t, a) for t in middles])
+    radiance = flux / flux.sum() / (np.pi * np.diff(np.sin(ends) ** 2))
+    spread = Divergence(kind, half_angle)
+    assert radiance.max() == pytest.approx(spread.greatest, rel=5e-3)
+    assert radiance.max() <= spread.greatest * (1 + 1e-4)
+
+
 @pytest.mark.parametrize("kind", LAWS)
 @pytest.mark.parametrize("u", [1e-9, 0.3, 0.99])
 def test_a_direction_is_a_unit_vector_at_its_quantile(kind, u):
