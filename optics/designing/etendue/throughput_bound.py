@@ -34,9 +34,10 @@ from optics.scene.sources import Profile, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.outlines import area_rule
 
 RAYS = (512, 256)  # for the fraction of the light that meets the front
-NODES = 8  # of Gauss's rule over the rear aperture, in each direction
+NODES = 8  # of Gauss's rule over a piece of the rear aperture, in each direction
 AREA_CELLS = 512  # of the rear, in each direction
 
 # the multiplier of `least_mean` is searched for between these, times 1 / standard deviation
@@ -51,7 +52,7 @@ class Throughput:
 
     source : etendue of the source, mm^2 sr
     front : etendue of its light that meets the front, mm^2 sr
-    target : etendue of the rays between a flat aperture in the position of the rear and the target, mm^2 sr;
+    target : etendue of the rays between a flat aperture in the rear's outline and the target, mm^2 sr;
         None of a target that does not lie across the axis
     radiance : the greatest of the source, W / (mm^2 sr); inf without extent
     meets_front : flux on the front of the base lens, W
@@ -127,15 +128,14 @@ def front_fraction(system: OpticalSystem) -> float:
 def aperture_etendue(system: OpticalSystem) -> float:
     """Return the etendue of all rays from the rear aperture to the target, mm^2 sr.
 
-    The aperture is taken as a flat rectangle.  The projected solid angle of a rectangle seen from a point has
-    a closed form; Gauss's rule integrates it over the aperture.
+    The aperture is taken as flat, within the rear's outline.  The projected solid angle of a rectangle seen
+    from a point has a closed form; Gauss's rules integrate it over the aperture.
     """
     half_width, far, throw = system.problem.target.half_width, system.target.far_field, system.problem.throw
     half = np.tan(np.radians(half_width)) if far else np.divide(half_width, throw)
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    rx, ry = system.lens.rear.half_width
-    x, y = (a.ravel() for a in np.meshgrid(rx * nodes, ry * nodes, indexing="ij"))
-    area = (rx * ry * np.outer(weights, weights)).ravel()
+    outline = system.lens.rear.outline
+    across, up = (np.array([-h, h]) for h in outline.half_width)
+    x, y, area = area_rule(outline, across, up, NODES)
     # of the target's corners as seen from each point; an aperture is a point in the far field
     across, up = (np.zeros_like(a) if far else a / throw for a in (x, y))
     seen = sum(i * j * _corner(i * half[0] - across, j * half[1] - up) for i in (1, -1) for j in (1, -1))

@@ -83,6 +83,18 @@ def test_etendue_between_aperture_and_target(tmp_path, distance):
     assert found == pytest.approx(parallel_rectangles((10.0, 7.0), (20.0, 35.0), distance), rel=1e-8)
 
 
+def test_etendue_between_a_round_aperture_and_the_target(tmp_path):
+    """Against the view of a disk from an element parallel to it, over the target (Howell, factor B-13)."""
+    sizes = {"target.half_width": [20.0, 35.0], "target.distance": 30.0, "lens.outline": "round"}
+    found = aperture_etendue(small_system(tmp_path, sizes))
+
+    def seen(y, x, a=10.0, h=30.0):
+        far = x * x + y * y + h * h
+        return pi / 2 * (1 - (far - a * a) / sqrt((far + a * a) ** 2 - 4 * (x * x + y * y) * a * a))
+
+    assert found == pytest.approx(4 * dblquad(seen, 0, 20, 0, 35)[0], rel=1e-6)
+
+
 def test_the_far_field_is_the_limit_of_distance(tmp_path):
     """The aperture's extent matters by (10 / distance)^2."""
     distance, angles = 1e5, [30.0, 20.0]
