@@ -65,11 +65,13 @@ class OneBlur:
     half_width : of the least images in the proportions of the source, mm (degrees in the far field)
     width : of these, pixels
     bound : for images of at least this area; for `any_proportions` or for those of the source
+    filled : share of a rectangle of this width that an image shines on
     """
 
     half_width: tuple[float, float]
     width: tuple[float, float]
     bound: ImageBound
+    filled: float = 1.0
 
 
 def usual_efficiency(system: OpticalSystem, universal: UniversalBound | None = None) -> float:
@@ -126,7 +128,7 @@ def images_bound(
         bound = any_proportions(target, wide * high, merge, care.finest, care.most)
     else:
         bound = image_bound(target, (wide, high), system.source.image[0], merge, care.finest)
-    return OneBlur(half_width, (wide, high), bound)
+    return OneBlur(half_width, (wide, high), bound, 1.0 if any_form else system.source.image[0].area / 4)
 
 
 def one_blur_sentence(system: OpticalSystem) -> str:
@@ -266,7 +268,7 @@ def curve_sentence(system: OpticalSystem, universal: UniversalBound) -> str:
 def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
     """Return the bound of one blur in a part of a sentence, with its class."""
     form = "of any proportions" if any_form else "with the source's proportions"
-    area = prod(images.width)
+    area = prod(images.width) * images.filled
     return (
         f"such images {form} and at least {area:.4g} square pixels leave a rel_l2 of "
         f"{rounded_down(images.bound.lower_bound)} at least"

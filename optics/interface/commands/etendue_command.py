@@ -141,8 +141,8 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
     """Return a bound for --json.  start : `perf_counter()` before it was computed."""
     bound = images.bound
     return {
-        "area": 4 * prod(images.half_width),
-        "square_pixels": prod(images.width),
+        "area": 4 * prod(images.half_width) * images.filled,
+        "square_pixels": prod(images.width) * images.filled,
         "lower_bound": bound.lower_bound,
         "attained": bound.attained,
         "kkt": bound.kkt,

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from optics.designing.etendue import FIXED_QUICK, one_blur, reached_sentences, universal_bound
+from optics.designing.etendue import (
+    FIXED_QUICK,
+    blur_sentence,
+    one_blur,
+    reached_sentences,
+    universal_bound,
+)
 from optics.designing.etendue.problem_bounds import SEARCH_QUICK
 from optics.designing.etendue.throughput_bound import image_area
 from optics.light.analysis import rel_l2
@@ -51,6 +57,17 @@ def test_a_stretched_image_of_the_same_area_is_not_forbidden(stripes):
     assert squares.bound.lower_bound >= 0.4472
     assert free.bound.lower_bound <= attained
     assert universal_bound(stripes).least_rel_l2(EFFICIENCY) <= attained
+
+
+@pytest.mark.parametrize("profile", ["uniform", "round"])
+def test_the_area_of_images_is_that_of_what_shines(tmp_path, profile):
+    """Of a round source an image is a disk, and its square has more than the area that etendue asks for."""
+    system = small_system(tmp_path, STRIPES | {"source.profile": profile})
+    images = one_blur(system, system.lens, EFFICIENCY, FIXED_QUICK, any_form=False)
+    least = image_area(system, system.lens, EFFICIENCY, 0.25)
+    assert 4 * np.prod(images.half_width) * images.filled == pytest.approx(least)
+    pixels = least / system.target.screen().pixel_area
+    assert f"at least {pixels:.4g} square pixels" in blur_sentence(images)
 
 
 def sheared(step, count):
