@@ -6,11 +6,11 @@ caustics.  What counts is its mean over a disk of the diameter
 
     d = max(1 mm, 2 s tan a, what RAYS_IN_DISK take),    pi sin^2 a = 1 / b,
 
-with the way s from the rear and the greatest radiance b of a diverging beam, by flux and area: a disk that is
-as bright everywhere has the half-angle a.  Light of a point of the rear is such a disk on the plane, so that
-the mean of sharp light over it is the irradiance of the blurred light.  Beams before several elements do not
-diverge.  On every plane counts what is on its way there, or meets a face within half a disk of it: so planes
-that cut a face tell what falls on it.
+with the way s from the rear and the radiance b on the axis of a diverging beam, by flux and area: a disk
+that is as bright everywhere has the half-angle a.  Light of a point of the rear is such a disk on the plane,
+so that the mean of sharp light over it is the irradiance of the blurred light.  Beams before several elements
+do not diverge.  On every plane counts what is on its way there, or meets a face within half a disk of it: so
+planes that cut a face tell what falls on it.
 
 The concentration is that mean over the irradiance of the front, its own mean over what is lit of it.
 Sunlight of 1 kW/m^2 is concentrated to as many kW/m^2.
@@ -76,8 +76,8 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
 
     Raises UserError : no light leaves the lens.
     """
-    brightest = system.source.spread.brightest if system.source.diverging else inf
-    sine = sqrt(1 / (pi * brightest))
+    radiance = system.source.spread.on_axis if system.source.diverging else inf
+    sine = sqrt(1 / (pi * radiance))
     front, ways = straight_light(system.shaping, lens, backend, CELLS)
 
     def on_plane(light: StraightLight, s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:

@@ -68,7 +68,7 @@ class Divergence:
         return np.array([sine * cos(turn), sine * sin(turn), sqrt(1 - sine**2)])
 
     @property
-    def brightest(self) -> float:
+    def on_axis(self) -> float:
         """The radiance on the axis times the area over the flux, 1 / sr; inf where it has no bound."""
         a = radians(self.half_angle)
         if self.kind == "theta_uniform" or a < SMALLEST:
@@ -92,10 +92,10 @@ class Divergence:
         """
         a, end = radians(self.half_angle), radians(self.widest)
         if self.kind == "uniform":
-            return self.brightest / cos(a)
+            return self.on_axis / cos(a)
         if self.kind == "gaussian" and a >= SMALLEST:
-            return self.brightest * max(1.0, end / (sin(end) * cos(end)) * exp(-((end / a) ** 2) / 2))
-        return self.brightest
+            return self.on_axis * max(1.0, end / (sin(end) * cos(end)) * exp(-((end / a) ** 2) / 2))
+        return self.on_axis
 
     @property
     def widest(self) -> float:

@@ -62,7 +62,7 @@ def test_a_perfect_focus_puts_all_light_on_the_disk(concentrated):
 def test_the_sun_s_own_disk_limits_a_focus(concentrated):
     """A square beam that shrinks towards the focus, in a disk that grows as the sun's image does."""
     system, found = concentrated(BURNING | {"source.divergence_profile": "sun"})
-    angle = np.arcsin(np.sqrt(1 / (pi * system.source.spread.brightest)))
+    angle = np.arcsin(np.sqrt(1 / (pi * system.source.spread.on_axis)))
     assert 0.8 * radians(0.2666) < angle < radians(0.2666)  # the limb is darker
     at = np.linspace(-1, 1, 801)
     radius = np.hypot(at, at[:, None])

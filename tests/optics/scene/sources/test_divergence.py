@@ -35,12 +35,12 @@ def test_angles_are_the_quantiles_of_the_law(kind, half_angle):
 
 
 @pytest.mark.parametrize("kind", ["uniform", "gaussian", "sun", "lambertian"])
-def test_the_greatest_radiance_is_that_on_the_axis(kind):
+def test_the_radiance_on_the_axis(kind):
     """The flux within a small angle t is the radiance times pi sin^2 t."""
     spread = Divergence(kind, 5.0)
     u = np.array([1e-8])
     sine = spread.stretch(u) * np.sqrt(u)
-    assert u / (np.pi * sine**2) == pytest.approx(spread.brightest, rel=1e-4)
+    assert u / (np.pi * sine**2) == pytest.approx(spread.on_axis, rel=1e-4)
 
 
 @pytest.mark.parametrize(
