@@ -211,7 +211,8 @@ class RayPath:
 def trace_paths(backend: Backend, lens: Solid, rays: Rays, target: TargetArea) -> list[RayPath]:
     """Return the path of the stronger part at every face, for drawing.
 
-    A path ends in the target plane; others a lens's thickness after, or on, the last of BOUNCES faces.
+    A path ends on the target; one to the far field, and others, a lens's thickness after the last face, or
+    on the last of BOUNCES faces.
     """
     require_rays(rays)
     solid, branches = ClosedLens(backend, lens), Branches.start(rays)
@@ -230,7 +231,7 @@ def trace_paths(backend: Backend, lens: Solid, rays: Rays, target: TargetArea) -
         fate, x, y, reaches = _fates(gone, undecided, target)
         stub = (gone.origin + lens.thickness * gone.direction).T
         there = np.stack(np.broadcast_arrays(*target.receiver.points(x, y)), axis=-1)
-        ends = np.where(reaches[:, None], there, stub)
+        ends = np.where((reaches & (not target.receiver.far_field))[:, None], there, stub)
         for ray, end, which in zip(gone.ray, ends, fate):
             points[ray].append(end)
             fates[ray] = FATES[which]

@@ -291,18 +291,17 @@ class OpticalSystem(Prescribed):
     def by_edges(self) -> bool:
         """Whether light may reach the target by other ways than through front and rear.
 
-        The non-sequential trace needs a target plane.  Light that is parallel up to the rear meets no edge of
-        a lens, but may meet the walls of a body.
+        Light that is parallel up to the rear meets no edge of a lens, but may meet the walls of a body.
         """
         return self.all_ways and not (self.parallel and self.body is None)
 
     @property
     def all_ways(self) -> bool:
-        """Whether light can be followed by all ways: of a lens alone, to a target that is not far.
+        """Whether light can be followed by all ways: of a lens alone.
 
         Light by other ways through a plate is not that of one lens, shifted.
         """
-        return self.lone_lens and not self.target.far_field and self.problem.optic.array is None
+        return self.lone_lens and self.problem.optic.array is None
 
     @property
     def with_all_sources(self) -> OpticalSystem:

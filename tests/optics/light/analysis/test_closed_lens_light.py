@@ -14,6 +14,7 @@ from optics.light.analysis.closed_lens_light import (
 )
 from optics.light.analysis.metrics import measure
 from optics.light.tracing import TargetArea, trace_nonsequential
+from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
 from tests.optics.cases import DOME, example_system, roughened, small_system
 
@@ -132,12 +133,28 @@ def test_the_seed_is_the_problems(tmp_path, backend):
         (POINT, True),
         ({"source.kind": "collimated", "lens.front.radius": np.inf, "lens.thickness": 8.0}, False),
         ({"source.kind": "collimated"}, True),
-        ({"target.distance": np.inf, "target.half_width": [60.0, 60.0]}, False),
+        ({"target.distance": np.inf, "target.half_width": [60.0, 60.0]}, True),
     ],
     ids=["lambertian", "point", "collimated", "collimated before a curved front", "far field"],
 )
-def test_light_that_may_meet_edges_before_a_plane_is_followed(tmp_path, changes, follows):
+def test_light_that_may_meet_edges_is_followed(tmp_path, changes, follows):
     assert system_of(tmp_path, changes).by_edges is follows
+
+
+def test_light_in_the_far_field_is_what_leaves_the_lens_in_its_directions(tmp_path, backend):
+    """By any of its faces, counted by the tangents of direction alone."""
+    system = system_of(tmp_path, {"target.distance": np.inf, "target.half_width": [40.0, 30.0]})
+    metrics = measure(system, system.lens, backend).metrics
+    rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), system.lens)
+    plane = TargetArea(receiver_at(100.0), (1.0, 1.0))
+    out = trace_nonsequential(backend, system.lens, rays, plane).departures
+    p, q, r = out.direction
+    within = (r > 0) & (abs(p) < np.tan(np.radians(40)) * r) & (abs(q) < np.tan(np.radians(30)) * r)
+    assert metrics["paths"] == "all"
+    assert metrics["efficiency"] == pytest.approx(out.flux[within].sum() / rays.total, rel=0.01)
+    forward = out.flux[(r > 0) & ~within].sum() / rays.total
+    assert metrics["stray"] == pytest.approx(forward, rel=0.02)
+    assert metrics["nonsequential"]["by_other_ways"] > NEGLIGIBLE
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from hypothesis import Phase, assume, given, settings, strategies as st
 from optics.base.runtime import load_backend
 from optics.light.intersections import first_crossing, last_root
 from optics.light.tracing.nonsequential import FATES, TargetArea, trace_nonsequential, trace_paths
-from optics.scene.receivers import Cylinder, Sphere, receiver_at
+from optics.scene.receivers import Cylinder, FarField, Sphere, receiver_at
 from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, Frustum, MeshSolid, edge_gap, traced_one_by_one
 from oracles.light_formulas import fresnel
@@ -81,6 +81,10 @@ def test_a_cube_guides_a_ray_by_total_reflection(backend):
     expected = [(-1, 0.3, -1), (0, 0.3, 0), (5, 0.3, 5 / tangent), (exit_x, 0.3, 10), (exit_x - 40, 0.3, 50)]
     assert path.points == pytest.approx(np.array(expected), abs=1e-12)
     assert path.fate == "on_target"
+    (away,) = trace_paths(backend, lens, ray, TargetArea(FarField(), (60.0, 20.0)))
+    ending = np.array(expected[-2]) + lens.thickness * np.array([-1, 0, 1]) / np.sqrt(2)
+    assert away.points == pytest.approx(np.array([*expected[:-1], ending]), abs=1e-12)
+    assert away.fate == "on_target"
 
 
 def test_a_ray_creeps_along_a_hollow_sphere(backend):
