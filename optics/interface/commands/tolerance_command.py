@@ -17,7 +17,7 @@ from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, lim
 from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
-from optics.tolerancing.perturbations import HEAD, RISE, ToleranceBudget, effect_rows, shop_sentences
+from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows, shop_sentences
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
@@ -62,9 +62,8 @@ class _Study:
             )
         if self.budget.noise:
             sentences.append(
-                "Rays are counted here, and their noise raises rel_l2: the report has "
-                f"{metrics['rel_l2_sequential']:.2%} by front and rear without noise, here it is {here} with "
-                f"it. Limit the rise, such as --limit {RISE:g}, not rel_l2 itself."
+                "Fewer rays are counted here than for the report; without their noise rel_l2 is "
+                f"{here} by front and rear, there {metrics['rel_l2_sequential']:.2%}."
             )
         return sentences
 

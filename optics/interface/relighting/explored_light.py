@@ -42,15 +42,11 @@ class Knob:
 
 @dataclass(frozen=True, eq=False)
 class ExploredLight:
-    """Light on the target beside what is asked for, (rows, columns), both of mean 1, and its numbers.
-
-    counted : by rays, whose noise is in the numbers.
-    """
+    """Light on the target beside what is asked for, (rows, columns), both of mean 1, and its numbers."""
 
     irradiance: Floats = field(repr=False)
     target: Floats = field(repr=False)
     numbers: LightNumbers
-    counted: bool
 
 
 class Explorer:
@@ -88,8 +84,7 @@ class Explorer:
         errors = [t.at(values[name]) for name, t in self._tolerances.items() if values.get(name)]
         image, fates = self._judge.light(reduce(add, errors, NOMINAL))
         numbers = self._judge.numbers(image, fates.on_target)
-        counted = not self._judge.light.by_cells
-        return ExploredLight(unit_mean(image), self._judge.target, numbers, counted)
+        return ExploredLight(unit_mean(image), self._judge.target, numbers)
 
     def _judge_at(self, divergence: float) -> LightJudge:
         """Return what judges the light of a source with a divergence, degrees."""

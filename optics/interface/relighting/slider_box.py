@@ -46,8 +46,7 @@ def sliders(knobs: Sequence[Knob], light: Callable[[Mapping[str, float]], Explor
 def light_html(light: ExploredLight) -> str:
     """Return pictures and numbers of light."""
     numbers = light.numbers
-    noise = " with the noise of counted rays" if light.counted else ""
-    words = [f"rel_l2 {numbers.rel_l2:.4f}{noise}", f"efficiency {numbers.efficiency:.3f}"]
+    words = [f"rel_l2 {numbers.rel_l2:.4f}", f"efficiency {numbers.efficiency:.3f}"]
     if numbers.min_over_mean is not None:
         words.insert(0, f"U0 = E_min/E_mean {numbers.min_over_mean:.3f}")
     pictures = figures_html(light_pictures(light.target, light.irradiance))

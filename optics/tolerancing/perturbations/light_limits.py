@@ -15,6 +15,8 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from optics.base.runtime import UserError
 from optics.light.analysis import rel_l2, uniformity_metrics
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
@@ -32,6 +34,7 @@ NAMES = ("rise", "rel_l2", "min_over_mean", "efficiency")
 class LightNumbers:
     """What light is judged by.
 
+    rel_l2 : without the noise of counted rays.
     min_over_mean : U0 on boxes, see `optics.scene.photometry.uniformity`; None of a picture.
     """
 
@@ -48,7 +51,7 @@ class LightNumbers:
 class LightJudge:
     """What is asked for.
 
-    target : of the system, (rows, columns), at any scale.  light : of the perturbed lenses.
+    target : of the system, (rows, columns), of unit mean.  light : of the perturbed lenses.
     blur : see `optics.light.blur.spot_rms`.
     """
 
@@ -67,11 +70,19 @@ class LightJudge:
         if self.uniform and least is None and irradiance[self.light.system.target.lit_pixels].sum() <= 0:
             least = 0.0
         flux = self.light.system.problem.flux
-        return LightNumbers(rel_l2(irradiance, self.target), on_target / flux, least)
+        return LightNumbers(self._off(irradiance), on_target / flux, least)
 
     def why_unknown(self, irradiance: Floats) -> str:
         """Return why light has no min_over_mean, "" where it has one."""
         return str(self._evenness(irradiance)["reason"]) if self.uniform else NOT_UNIFORM
+
+    def _off(self, irradiance: Floats) -> float:
+        """Return rel_l2 without noise."""
+        off, noise = rel_l2(irradiance, self.target), self.light.error(irradiance)
+        if noise is None or not irradiance.any():
+            return off
+        relative = np.linalg.norm(noise) / irradiance.mean() / np.linalg.norm(self.target)
+        return float(np.sqrt(max(off**2 - relative**2, 0.0)))
 
     def _evenness(self, irradiance: Floats) -> dict[str, Any]:
         return uniformity_metrics(self.light.system, irradiance, self.light.error(irradiance), self.blur)

@@ -113,7 +113,7 @@ class _Trial:
         if self._light.by_cells or not lit.any():
             return 0.0
         rays = self._light.as_many_rays * self.here.efficiency / lit.sum()
-        return float(1 / np.sqrt(rays)) if rays else 0.0
+        return float(self._light.noise_share / np.sqrt(rays)) if rays else 0.0
 
     def effect(self, tolerance: Tolerance) -> ToleranceEffect:
         """Return what a tolerance does."""

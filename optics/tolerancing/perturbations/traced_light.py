@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from copy import copy
 from dataclasses import replace
 from functools import cached_property, reduce
-from math import isqrt
+from math import inf, isqrt
 from operator import add
 
 import numpy as np
@@ -31,6 +32,8 @@ CELLS_PER_PIXEL, LEAST_CELLS = 3, 128
 RAYS_PER_PIXEL = 32  # half a gigabyte of them on 512^2 pixels
 RAYS_AT_ONCE = 1 << 19  # more only take more memory
 CORNERS_AT_ONCE = 1 << 18  # two processes side by side take 0.7 GB then; half of it takes twice the time
+# streams of random numbers: of rays that the optimiser has not fitted, and of others that tell their noise
+FRESH, OTHERS = 3, 4
 WIDER = 1.05  # of the front: as far as cells of a wider beam reach, so that the front's rim cuts them
 HEIGHTS = 33  # of the front, in each direction: how far it reaches up and down
 SHIFT_RAYS = (65, 65)  # which tell how far light moves
@@ -39,8 +42,9 @@ SHIFT_RAYS = (65, 65)  # which tell how far light moves
 class PerturbedLight:
     """The map from a Perturbation to the light on the target; what never changes is built once.
 
-    Light goes by the faces of the path alone.  Every call traces the same cells or rays, so that differences
-    of light are those of the perturbations; where a parallel beam moves, as many, where it meets the first.
+    Light goes by the faces of the path alone.  Every call traces the same cells or rays, which the optimiser
+    has not seen, so that differences of light are those of the perturbations; where a parallel beam moves, as
+    many, where it meets the first.
 
     backend : of double precision.  per_pixel : cells in each direction, or rays; None is the usual number.
     floats : the target follows the light, see `aimed`.
@@ -71,13 +75,20 @@ class PerturbedLight:
             self.cells: SourceCells = system.source.cells(counts, *self._lit(self.parts(NOMINAL), WIDER))
         else:
             self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
-            fresh = np.random.default_rng(system.problem.run.seed)
-            self._rays = list(system.source.parts(self._counts, None, RAYS_AT_ONCE))
-            self._errors = [
-                [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
-                for rays in self._rays
-            ]
+            self._draw(FRESH)
         self._shaded = self._shaded and self()[1].blocked > 0
+
+    def _draw(self, stream: int) -> None:
+        """Take rays of the source, with errors of slopes.  stream : of random numbers."""
+        self._stream, fresh = stream, self._fresh(stream)
+        self._rays = list(self.system.source.parts(self._counts, fresh, RAYS_AT_ONCE))
+        self._errors = [
+            [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
+            for rays in self._rays
+        ]
+
+    def _fresh(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng((self.system.problem.run.seed, stream))
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
@@ -143,13 +154,27 @@ class PerturbedLight:
     def error(self, irradiance: Floats) -> Floats | None:
         """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
 
-        It is that of independent rays, of which q is the mean flux of `as_many_rays`: the square is
-        E q / pixel area.
-
         irradiance : of a call.
         """
-        if self.by_cells:
-            return None
+        return None if self.by_cells else self.noise_share * self._independent(irradiance)
+
+    @cached_property
+    def noise_share(self) -> float:
+        """The noise of the rays over that of as many independent ones, by other rays through the design.
+
+        A file of rays, which holds no others, is taken as independent rays.
+        """
+        if self.system.source.most_rays < inf:
+            return 1.0
+        others = copy(self)
+        others._draw(OTHERS)
+        one, other = self()[0], others()[0]
+        independent = np.hypot(self._independent(one), self._independent(other))
+        return float(np.linalg.norm(one - other) / (np.linalg.norm(independent) or 1.0))
+
+    def _independent(self, irradiance: Floats) -> Floats:
+        """Return the standard deviation of light by independent rays, of which q is the mean flux of
+        `as_many_rays`: its square is E q / pixel area."""
         quantum = self.system.problem.flux / self.as_many_rays / self.screen.pixel_area / self._shown
         return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
 
@@ -211,7 +236,7 @@ class PerturbedLight:
         source = self.system.source
         if not source.collimated:
             return self._rays
-        return source.parts(self._counts, None, RAYS_AT_ONCE, *self._lit(parts, 1.0))
+        return source.parts(self._counts, self._fresh(self._stream), RAYS_AT_ONCE, *self._lit(parts, 1.0))
 
     def _cells_of(self, parts: PerturbedParts) -> SourceCells:
         """Return cells of the source, before it moves; of a parallel beam those that meet the first face."""

@@ -91,11 +91,6 @@ def test_even_light_has_its_uniformity_on_at_most_so_many_pixels(tmp_path, backe
     assert f"on {columns} x {rows} pixels" in light_html(light)
 
 
-def test_numbers_of_counted_rays_name_their_noise(tmp_path, backend):
-    lights = [explorer_of(system_of(tmp_path, changes), backend, 16)({}) for changes in (LED, POINT)]
-    assert ["with the noise of counted rays" in light_html(light) for light in lights] == [True, False]
-
-
 def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch, tmp_path):
     system = optics.System(load_problem(write_problem(tmp_path))).optical
     monkeypatch.setitem(sys.modules, "ipywidgets", None)

@@ -8,11 +8,13 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from optics.base.runtime import UserError
+from optics.light.analysis import measure, rel_l2, unit_mean
 from optics.scene.photometry import uniformity
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import ErrorModel
 from optics.tolerancing.perturbations import (
+    LightJudge,
     Perturbation,
     PerturbedLight,
     effect_rows,
@@ -44,6 +46,26 @@ def budget_of(system, lens, backend, limits=None, floats=False, **amounts):
 
 
 DECENTRE = {"target.decentre_x": 0.2, "source.size": 1.0}
+
+
+LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 14.0}
+
+
+@pytest.mark.parametrize(
+    "light",
+    [LAMP | {"source.distance": 25.0}, {"source.divergence": 1.0}, {"lens.rear.slope_rms": 0.2}],
+    ids=["lambertian", "cone", "rough"],
+)
+def test_the_noise_of_counted_rays_is_taken_off_rel_l2(tmp_path, backend, light):
+    """It leaves what the report says, which counts other rays, or none."""
+    system, lens = rough_system(tmp_path, light)
+    reported = measure(system, lens, backend)
+    perturbed = PerturbedLight(system, lens, backend, per_pixel=16)
+    image, fates = perturbed()
+    off = LightJudge(unit_mean(reported.target), perturbed).numbers(image, fates.on_target).rel_l2
+    without = reported.metrics["rel_l2_sequential"]
+    assert rel_l2(image, reported.target) > without + 0.018
+    assert off == pytest.approx(without, abs=0.012)
 
 
 @pytest.fixture(scope="module")

@@ -320,7 +320,7 @@ def test_a_front_that_moves_in_its_lens_does_not_stand_in_its_own_light(shift):
             "half_width": (100, 100),
             "pixels": (16, 16),
         },
-        stop=[{"shape": "rectangle", "half_width": (4, 4), "position": (0, 0, 60), "hole": False}],
+        stop=[{"shape": "rectangle", "half_width": (5, 5), "position": (0, 0, 60), "hole": False}],
     )
     scene = solvable_system(problem)
     traced = PerturbedLight(scene, scene.lens, scene.backend, per_pixel=64)
