@@ -11,7 +11,7 @@ from optics.scene.problem import load_problem
 from optics.scene.system import designed_part, other_parts
 from tests.cases import EXAMPLES, module_at
 
-# whose starts through several elements take seconds; `thbcad bench scenes` designs such rows
+# whose starts take seconds; `thbcad bench scenes` designs rows of elements
 LONG = {"folded", "lamp_reflector", "mirror", "spot", "two_elements"}
 SMALL = {"optimizer.iterations": [2], "optimizer.finish": 0}
 LEVELS, PIXELS = 2, 32
