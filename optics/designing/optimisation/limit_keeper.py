@@ -43,6 +43,7 @@ FLAT = 1e-6  # of the penalty: what heights do not change, as they change no cur
 MOVES = 400  # iterations of a move, at most
 TRIES = 60  # lengths of a step: penalties of curvature begin suddenly, far below the first length
 CUTS = 6  # halvings of a move's length, which then is 1.6 % too long at most
+WORTH = 0.25  # of the loss of a start that misses limits: the most of one that is moved within them
 SHARES = 1.0, 0.75, 0.5, 0.25, 0.0  # of the start's sags, the most that can be moved within the limits
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
@@ -95,43 +96,51 @@ class LimitKeeper:
     def begun(self, search: Search, log: Log) -> Search:
         """Return the search from within the limits, as far as a start there is found, without the others.
 
-        A search that began beyond them would dent the surface where it could have moved as a whole.
+        A search that began beyond them would dent the surface where it could have moved as a whole.  Where
+        the move spoils the light more than the limits were missed, the start stays: a dent beside the light
+        keeps them better.
         """
-        shape = search.objective.shape
-        if shape is None or not shape.exceeded(_coefficients(search.sags)):
+        shape, coefficients = search.objective.shape, _coefficients(search.sags)
+        if shape is None or not shape.exceeded(coefficients):
             return search
-        search = search.preconditioned(_coefficients(search.sags), log)
-        sags, keys = self._start(shape.with_rooms({}), search.variables)
+        search = search.preconditioned(coefficients, log)
+        sags, keys, cut_off = self._start(shape.with_rooms({}), search.variables)
+        missing, moved = (search.objective(c).loss for c in (coefficients, _coefficients(sags)))
+        log.evaluations += 2
+        if moved > WORTH * missing:
+            return search.begun_again(search.sags, shape.only(keys))
+        if cut_off:
+            self._note(cut_off)
         return search.begun_again(sags, shape.only(keys))
 
     def _start(
         self, penalty: ShapePenalty, variables: BoundedVariables
-    ) -> tuple[tuple[THBSurface, ...], tuple[str, ...]]:
-        """Return the start moved within the limits, and those that it keeps: all, or as many as are found
-        one after the other.
+    ) -> tuple[tuple[THBSurface, ...], tuple[str, ...], str]:
+        """Return the start moved within the limits, those that it keeps: all, or as many as are found one
+        after the other, and a sentence where z_freedom cuts off much of it.
 
         A limit that no sag can keep would spoil the light, and the other limits, for nothing.
         """
         start = self._within(penalty, variables)
         if start:
-            # tell where z_freedom cuts off much of a start that is moved within the limits
             _, heights, cut = self._lifted(self._sags, penalty)
+            said = ""
             if cut > CUT * min(self._bounds):
                 shaped = self._system.shaped
                 thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
                 key = self._system.problem.optic.key("thickness")
-                self._note(
+                said = (
                     f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom "
                     f"cuts off {cut:.2g} mm of the sag: for better light --set {key}={thickness:.4g}"
                 )
-            return start, penalty.keys
+            return start, penalty.keys, said
         best = self._sags
         keys: tuple[str, ...] = ()
         for key in penalty.keys:
             start = self._within(penalty.only((*keys, key)), variables)
             if start:
                 best, keys = start, (*keys, key)
-        return best, keys
+        return best, keys, ""
 
     def _within(self, penalty: ShapePenalty, variables: BoundedVariables) -> tuple[THBSurface, ...] | None:
         """Return sags within the limits near the start, or near a share of it: less sag bends less."""
