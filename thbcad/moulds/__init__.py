@@ -4,7 +4,7 @@ lens or of several on a plate."""
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from .body_walls import BodyOptions
+    from .body_walls import LAND_STEP, BodyOptions
     from .drafted_walls import DraftedWall, Foot
     from .inserts import FACES, INSERT_BACK, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
     from .moulded_body import MouldedBody, Solid

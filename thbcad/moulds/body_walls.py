@@ -15,7 +15,7 @@ from thbcad.moulds.inserts import FACES
 from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
 
 MOST_DRAFT = 45.0  # degrees
-STEP = 0.1  # mm between a rim that is not level and its land: what a mould can still hold
+LAND_STEP = 0.1  # mm between a rim that is not level and its land: what a mould can still hold
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def inner_wall(lens: Lens, options: BodyOptions, small: int) -> DraftedWall:
     level = upright.level_rim(lens, small)
     land = options.land
     if land is None:
-        land = (low, high)[small] + (2 * small - 1) * STEP if level is None else level
+        land = (low, high)[small] + (2 * small - 1) * LAND_STEP if level is None else level
     if level is not None and abs(land - level) < LEAST_SIZE:
         land = level  # no step so low
     elif low <= land <= high:

@@ -1,9 +1,9 @@
 """How much of the light's way to every pixel the last element can fill: the silhouette of its envelope.
 
-The envelope holds every lens of a problem: conic +- z_freedom of front and rear, and the straight edges
-between their rims; of a mirror the face, wherever they lie before the target.  All light of the path leaves
-the last element of a row, and so comes from the convex hull B of its envelope, in the frame of the target.
-A point x of the target sees B under the projected solid angle
+The envelope holds every lens of a problem: conic +- z_freedom of front and rear, the straight edges between
+their rims, and the land of a body; of a mirror the face, wherever they lie before the target.  All light of
+the path leaves the last element of a row, and so comes from the convex hull B of its envelope, in the frame
+of the target.  A point x of the target sees B under the projected solid angle
 
     P(x) = integral of cos(theta) dOmega = 1/2 sum over edges of angle(a, b) (a x b)_z / |a x b|
 
@@ -40,9 +40,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, pose_of
+from optics.scene.system import OpticalSystem, body_options, pose_of
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
+from thbcad.moulds import LAND_STEP
 from thbcad.poses import IDENTITY, Pose
 
 CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
@@ -50,6 +51,7 @@ PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 
 POINTS = 1 << 18  # parts of pixels on a target, at most: below a second
 SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixels on the target
 THIN = 1e-6  # of its half-width: the least freedom of a mirror's face, whose hull is a body then
+SIGNS = (1, 1), (1, -1), (-1, 1), (-1, -1)
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
 
@@ -76,7 +78,10 @@ def envelope(system: OpticalSystem) -> Floats:
 
     z_freedom must be known.
     """
-    points = np.concatenate([_around(*face) for face in _last_faces(system)])
+    found = [_around(*face) for face in _last_faces(system)]
+    for face, z in _land(system):
+        found.append(np.array([[i * face.half_width[0], j * face.half_width[1], z] for i, j in SIGNS]))
+    points = np.concatenate(found)
     return points[ConvexHull(points).vertices]
 
 
@@ -89,6 +94,26 @@ def _last_faces(system: OpticalSystem) -> list[tuple[FreeformSurface, float, flo
     if "rear" in used:
         return faces
     return [(lens.front, 0.0, max(freedom_of(optic.front), THIN * min(lens.front.half_width)))]
+
+
+def _land(system: OpticalSystem) -> list[tuple[FreeformSurface, float]]:
+    """Return the larger face of the last element's body with the z of its land, mm; none without land.
+
+    A land that is left to the program lies outside of the rim of the smaller face, which z_freedom moves.
+    """
+    options = body_options(system.problem.faces_met[-1].optic)
+    if options is None or not options.annulus:
+        return []
+    faces = _last_faces(system)
+    small = int(faces[1][0].half_width < faces[0][0].half_width)
+    surface, vertex, freedom = faces[small]
+    side, level = 2 * small - 1, options.land
+    if level is None:
+        nearest, farthest = (min(surface.half_width), 0.0), surface.half_width
+        rim = [nearest] if surface.outline.is_circle else [nearest, farthest]
+        outermost = max(side * float(surface.conic(*place)) for place in rim)
+        level = vertex + side * (outermost + freedom + LAND_STEP)
+    return [(faces[1 - small][0], level)]
 
 
 def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
@@ -137,9 +162,7 @@ def _seen(screen: Screen, points: Floats, z: float, mirrored: bool = True) -> Fl
         return np.full(screen.shape, pi)
     middle = 2 / (1 / nearest + 1 / farthest)
     shear = np.outer(depth / middle - 1, np.array(screen.pitch) / 2)
-    swept = np.concatenate(
-        [points + np.pad(shear * sign, ((0, 0), (0, 1))) for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
-    )
+    swept = np.concatenate([points + np.pad(shear * sign, ((0, 0), (0, 1))) for sign in SIGNS])
     told = [np.abs(a)[: (len(a) + 1) // 2] if mirrored else a for a in screen.centres]
     x, y = (a.ravel() for a in np.meshgrid(*told))
     sides = list(zip((x, y), swept[:, :2].min(axis=0), swept[:, :2].max(axis=0)))
@@ -256,10 +279,10 @@ def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
 def _within(system: OpticalSystem) -> Floats:
     """Return points of all last elements: of their faces at both ends of z_freedom, (n, 3) mm."""
     at, points = np.linspace(-1, 1, SAMPLES), []
-    for surface, vertex, freedom in _last_faces(system):
+    ends = [(face, vertex + i * freedom, 1) for face, vertex, freedom in _last_faces(system) for i in (-1, 1)]
+    for surface, z, curved in [*ends, *((face, z, 0) for face, z in _land(system))]:
         x, y = np.meshgrid(*(h * at for h in surface.half_width))
         if not surface.outline.is_rectangle:
             x, y = surface.outline.filled(x, y)
-        for shift in (-freedom, freedom):
-            points.append(np.stack([x, y, vertex + surface.conic(x, y) + shift], axis=-1).reshape(-1, 3))
+        points.append(np.stack([x, y, z + curved * surface.conic(x, y)], axis=-1).reshape(-1, 3))
     return np.concatenate(points)

@@ -17,7 +17,7 @@ from optics.designing.etendue.silhouette import (
 )
 from optics.scene.problem import Problem
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import OpticalSystem, designed_part
 from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
 from tests.cases import examples, slow_unless
 from tests.optics.cases import HOLLOW, example_system, hollow_lens, small_system
@@ -192,6 +192,30 @@ def test_the_envelope_holds_lenses_of_all_shapes(tmp_path):
             points = (front + share * (moved - front)).reshape(-1, 3) * (1 - 1e-9)
             assert (inside.find_simplex(points, tol=1e-9) >= 0).all()
     assert (inside.find_simplex([[0, 0, 8.1], [8.1, 0, 0]]) < 0).all()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"lens.body.draft": 5.0},
+        {"lens.body.land": -4.0},
+        {"lens.outline": "rounded", "lens.corner_radius": 1.5, "lens.rear.radius": -40.0},
+        {"lens.front.half_width": [9.0, 9.0], "lens.front.radius": 40.0, "lens.rear.radius": -30.0},
+    ],
+    ids=["draft", "land", "rounded", "smaller rear"],
+)
+def test_the_envelope_holds_the_land_of_a_body(tmp_path, keys):
+    """The rims of the body that is made, which is wider there than the edges between front and rear."""
+    body = {"lens.body.annulus": True, "lens.outline": "round", "lens.rear.freeform.z_freedom": 0.5}
+    system = small_system(tmp_path, GLOWING | body | keys)
+    inside = Delaunay(envelope(system))
+    for outline, z in designed_part(system, system.lens).made.level_edges:
+        for piece in outline.pieces:
+            x, y = piece(np.linspace(*piece.ends, 9))
+            points = np.stack([x, y, np.full_like(x, z)], axis=1)
+            assert (inside.find_simplex(points, tol=1e-9) >= 0).all()
+    slack = greatest_slack(system, pixel_etendue(system))
+    assert 1 <= slack < 2
 
 
 def test_the_envelope_of_an_example_is_its_two_surfaces_with_their_freedom():
