@@ -33,7 +33,7 @@ def prewarped(
     fine: bool = False,
     share: Floats | None = None,
 ) -> Floats:
-    """Return the density to ask for, (nx, ny), of any scale.
+    """Return the density to ask for, (nx, ny), of any scale; T itself where d leads all of it off the target.
 
     wanted : T, (nx, ny), its cell means over the target.
     sent : two arrays (mx, my), where the light of source cells is sent, the target being [-1, 1]^2.
@@ -54,6 +54,8 @@ def prewarped(
     asked = arriving * np.maximum((1 + xx) * (1 + yy) - xy * yx, 0.0)
     if share is not None:
         asked /= np.maximum(smooth[2], LEAST_SHARE)
+    if not asked.any():
+        return wanted
     return np.asarray(asked.reshape(wanted.shape[0], SAMPLES, wanted.shape[1], SAMPLES).mean(axis=(1, 3)))
 
 

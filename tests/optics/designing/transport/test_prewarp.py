@@ -55,6 +55,12 @@ def test_light_is_not_asked_for_where_it_would_land_beside_the_target():
     assert (asked[:-10] > 0).all()
 
 
+def test_what_is_wanted_is_asked_for_where_all_of_it_would_land_beside_the_target():
+    x, y = centres(GRID)
+    asked = prewarped(wave(x, y), (x, y), (x * 0 + 3, x * 0), np.ones(GRID))
+    np.testing.assert_array_equal(asked, wave(x, y))
+
+
 def test_fine_bins_follow_an_offset_as_uneven_as_the_picture():
     """d of 1.5 cells, with a period of 16: bins are smoothed by one bin of s cells, which flattens it.
 
