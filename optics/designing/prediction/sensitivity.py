@@ -4,23 +4,24 @@ Index, grade, colours and ripple are those of rays, traced with the error and wi
 stands for that of a source with extent: the light of the point in its middle.  A decentre d moves what each
 point of the shaped surface sends, and so details of the light, by
 
-    D d / s    of a source at the optical distance s before the shaped surface, with the throw D behind it,
+    D d / s    of a source at the optical distance s before the shaped surface, with the lever D behind it,
     d          of a lens in parallel light, with which the light moves.
 
-In the far field D is 1, and the result is in degrees.
+On a target that light meets at an angle both are larger by its cosine, in the worse direction.  In the far
+field D is 1, and the result is in degrees.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import degrees, inf, pi
+from math import inf, pi
 
 import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
-from optics.scene.paths import AIR, LightPath
+from optics.scene.paths import AIR, LEAST_COSINE, LightPath
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -89,13 +90,21 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
 
 
 def _decentre(system: OpticalSystem, path: LightPath) -> float:
-    """Return the shift by a decentre."""
-    far = path.receiver.far_field
+    """Return the shift by a decentre in the worst direction."""
+    if system.source.beam and path.receiver.far_field:
+        return 0.0
     if system.source.beam:
-        return 0.0 if far else DECENTRE
+        shaped, *behind = path.surfaces[path.shaped :]
+        across = shaped.pose.rotation[:, :2]
+        for axis in [surface.pose.rotation[:, 2] for surface in behind if surface.kind == "reflect"]:
+            across = across - 2 * np.outer(axis, axis @ across)
+        ray, normal = path.leaving.rotation[:, 2], np.array(path.receiver.normal(0.0, 0.0))
+        cosine = float(ray @ normal)
+        along = np.outer(ray, normal @ across) / np.copysign(max(abs(cosine), LEAST_COSINE), cosine)
+        return DECENTRE * float(np.linalg.norm(across - along, 2))
     vertices = [np.array(system.source.middle), *(surface.pose.shift for surface in path.surfaces)]
     ways = [np.linalg.norm(b - a) / m.index for a, b, m in zip(vertices, vertices[1:], path.media)]
-    return DECENTRE * (degrees(1.0) if far else path.throw) / float(sum(ways[: path.shaped + 1]))
+    return DECENTRE * path.lever / float(sum(ways[: path.shaped + 1]))
 
 
 def _landed(backend: Backend, path: LightPath, rays: RayGrid | Rays) -> tuple[Floats, Floats]:

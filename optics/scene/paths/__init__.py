@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from optics.scene.paths.light_path import (
         AIR,
         BARE,
+        LEAST_COSINE,
         Coats,
         HeightError,
         LightPath,
