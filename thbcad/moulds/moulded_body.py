@@ -20,7 +20,7 @@ from thbcad.moulds.body_walls import (
 )
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
 from thbcad.moulds.inserts import FACES
-from thbcad.outlines import LEAST_SIZE, Outline
+from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
 from thbcad.sags import gap_graph
 
 ROUGH = 1e-2  # relative, of bounds that need no more
@@ -219,11 +219,13 @@ class MouldedBody:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
 
         Of two convex outlines one lies a depth within the other where its support function is everywhere less
-        by that depth.
+        by that depth.  A whole outline into which no wall reaches needs no such proof.
         """
         for number, word in enumerate(FACES):
-            depth = self._depth(number)
-            if least_support(self.wall(number).outline, clear[number]) < depth:
+            depth, outline = self._depth(number), self.wall(number).outline
+            asked, all_of_it = ((*o.half_width, *o.corners) for o in (clear[number], outline))
+            whole = depth == 0 and np.allclose(asked, all_of_it, rtol=RELATIVE, atol=0.0)
+            if not whole and least_support(outline, clear[number]) < depth:
                 raise ValueError(
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
                     f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
