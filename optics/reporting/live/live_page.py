@@ -160,9 +160,11 @@ class LiveView:
 def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:
     """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
     objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
-    shown = stage.screen.projection()  # in the far field intensities are compared
-    wanted = merged(stage.screen.crop(objective.target) / shown, stage.parts)
-    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / merged(shown, stage.parts)
+    columns, rows = stage.pixels
+    # in the far field intensities are compared
+    shown = replace(stage.screen, pixels=(columns, rows)).projection()
+    wanted = merged(stage.screen.crop(objective.target), stage.parts) / shown
+    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / shown
     name = f"{'' if stage.iterations else 'before '}{stage.name}"
     pictures = [(f"{caption} ({name})", png) for caption, png in light_pictures(wanted, image)]
     misfit, asked = float(np.linalg.norm(image - wanted) / np.linalg.norm(wanted)), system.problem.verify

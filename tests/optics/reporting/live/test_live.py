@@ -110,7 +110,8 @@ def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp
     system = small_system(tmp_path, WIDE)
     stage = stages(system, False)[-1]
     target = system.target.irradiance(stage.screen, 1.0)
-    asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: target)
+    light = target.reshape(24, stage.parts, 24, stage.parts).mean(axis=(1, 3))
+    asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: light)
     monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
     said = " ".join(page._light(stage, system, system.lens, target, None)["so_far"])
     assert "rel_l2 0 so far" in said
