@@ -39,7 +39,8 @@ EXTENDED = {
 }
 
 
-MORE = {"front_sag", "front_mesh", "polar", "isocandela"}  # figures of two free surfaces, of a far field
+# figures of two free surfaces, of a far field, and of light that may meet edges
+MORE = {"front_sag", "front_mesh", "polar", "isocandela", "rays_1", "rays_2"}
 
 
 def write_extended(folder, changes=None, drop=()):

@@ -132,10 +132,14 @@ def test_a_collimated_beam_needs_no_other_tracer(capsys, stored, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_far_field_is_traced_in_sequence(capsys, stored):
+def test_a_far_field_is_traced_by_all_ways_too(capsys, stored):
     folder = stored({"target.distance": float("inf"), "target.half_width": [30.0, 30.0]})
     done = run(capsys, "trace", folder, "--rays", 33, "--json")
-    assert (done.code, "nonsequential" in json.loads(done.out)) == (0, False)
+    found = json.loads(done.out)
+    assert (done.code, found["nonsequential"]["fates_w"]["failed"]) == (0, 0.0)
+    assert found["nonsequential"]["fates_w"]["on_target"] == pytest.approx(
+        found["fates_w"]["on_target"], rel=0.1
+    )
 
 
 @pytest.mark.parametrize("rays", ["7", "100000"])

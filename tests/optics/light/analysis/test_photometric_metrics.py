@@ -82,6 +82,7 @@ def test_the_unit_changes_names_and_no_number(metrics, case):
     watts, lumens = metrics(case), metrics(case | {"source.unit": "lm"})
     renamed = {
         "fates_lm": "fates_w",
+        **{f"{name}_lm": f"{name}_w" for name in ("lit", "lit_direct", "target")},
         "target_mean_lx": "target_mean_w_m2",
         "lit_mean_lx": "lit_mean_w_m2",
         "lit_mean_cd": "lit_mean_w_sr",
