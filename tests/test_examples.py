@@ -11,8 +11,8 @@ from optics.scene.problem import load_problem
 from optics.scene.system import designed_part, other_parts
 from tests.cases import EXAMPLES, module_at
 
-# whose starts take seconds; `thbcad bench scenes` designs rows of elements
-LONG = {"folded", "lamp_reflector", "mirror", "spot", "two_elements"}
+# that take long; other tests make the dome's body and the spot, `thbcad bench` designs rows and headlamps
+LONG = {"dome", "folded", "headlamp_led", "lamp_reflector", "mirror", "spot", "two_elements"}
 SMALL = {"optimizer.iterations": [2], "optimizer.finish": 0}
 LEVELS, PIXELS = 2, 32
 
