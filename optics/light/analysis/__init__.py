@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         sequential,
         sequential_metrics,
     )
+    from optics.light.analysis.light_estimate import LightEstimate
     from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
     from optics.light.analysis.light_of_wavelengths import coloured, fringe

@@ -15,10 +15,8 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from optics.base.runtime import UserError
-from optics.light.analysis import rel_l2, uniformity_metrics
+from optics.light.analysis import LightEstimate, rel_l2, uniformity_metrics
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
 from thbcad.checks import Floats
 
@@ -51,7 +49,7 @@ class LightNumbers:
 class LightJudge:
     """What is asked for.
 
-    target : of the system, (rows, columns), of unit mean.  light : of the perturbed lenses.
+    target : of the system, (rows, columns), at any scale.  light : of the perturbed lenses.
     blur : see `optics.light.blur.spot_rms`.
     """
 
@@ -70,19 +68,19 @@ class LightJudge:
         if self.uniform and least is None and irradiance[self.light.system.target.lit_pixels].sum() <= 0:
             least = 0.0
         flux = self.light.system.problem.flux
-        return LightNumbers(self._off(irradiance), on_target / flux, least)
+        return LightNumbers(self._off(irradiance, on_target), on_target / flux, least)
 
     def why_unknown(self, irradiance: Floats) -> str:
         """Return why light has no min_over_mean, "" where it has one."""
         return str(self._evenness(irradiance)["reason"]) if self.uniform else NOT_UNIFORM
 
-    def _off(self, irradiance: Floats) -> float:
+    def _off(self, irradiance: Floats, on_target: float) -> float:
         """Return rel_l2 without noise."""
-        off, noise = rel_l2(irradiance, self.target), self.light.error(irradiance)
-        if noise is None or not irradiance.any():
-            return off
-        relative = np.linalg.norm(noise) / irradiance.mean() / np.linalg.norm(self.target)
-        return float(np.sqrt(max(off**2 - relative**2, 0.0)))
+        noise = self.light.error(irradiance)
+        if noise is None:
+            return rel_l2(irradiance, self.target)
+        light = LightEstimate(irradiance, noise, on_target, 0.0)
+        return float(light.error_of_rel_l2(self.target)["rel_l2_debiased"] or 0.0)
 
     def _evenness(self, irradiance: Floats) -> dict[str, Any]:
         return uniformity_metrics(self.light.system, irradiance, self.light.error(irradiance), self.blur)
