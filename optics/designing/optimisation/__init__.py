@@ -21,6 +21,5 @@ if TYPE_CHECKING:
     from optics.designing.optimisation.stage_plan import MARGIN, Stage, last_level, stage_seconds, stages
     from optics.designing.optimisation.stage_search import Interrupted
     from optics.designing.optimisation.state import Row, State, earlier_state
-    from optics.designing.optimisation.symmetry import Mirrors, mirror_axes, symmetry_axes
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

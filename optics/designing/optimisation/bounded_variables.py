@@ -17,7 +17,7 @@ from copy import copy
 import numpy as np
 
 from optics.designing.optimisation.indicators import LEAST
-from optics.designing.optimisation.symmetry import Mirrors
+from optics.light.measuring import Mirrors
 from thbcad.checks import Floats
 from thbcad.fitting import Continuation
 from thbcad.hierarchy import MultilevelBasis

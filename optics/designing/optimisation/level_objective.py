@@ -18,12 +18,12 @@ from optics.designing.optimisation.indicators import (
 )
 from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES, Stage, last_level
-from optics.designing.optimisation.symmetry import Mirrors
 from optics.designing.optimisation.zone_loss import ZoneLoss
 from optics.designing.penalties import limited_part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
+from optics.light.measuring import Mirrors, with_mirror_images
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
@@ -142,9 +142,7 @@ def background(
     other = nonsequential_light(system, lens, film.screen, backend, REPLICATES)
     if other.negligible:
         return None
-    image = other.light.irradiance
-    for axis in film.axes:
-        image = (image + np.flip(image, 1 - axis)) / 2
+    image = with_mirror_images(other.light.irradiance, film.axes) / 2 ** len(film.axes)
     if not follows or sag is None or other.onto_rear is None:
         return Background(image)
     within = light_within(backend, system.own_path(lens), other.onto_rear, film)

@@ -41,11 +41,11 @@ from optics.designing.optimisation.limit_keeper import LimitKeeper
 from optics.designing.optimisation.stage_plan import Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
-from optics.designing.optimisation.symmetry import symmetry_axes
 from optics.designing.penalties import limited_metrics
 from optics.designing.starts import TransportFit, TransportStart
 from optics.light.analysis import loss_notes
 from optics.light.engines import Engine
+from optics.light.measuring import symmetry_axes
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from optics.designing.optimisation import Stage, last_level, symmetry_axes
+from optics.designing.optimisation import Stage, last_level
+from optics.light.measuring import symmetry_axes
 from optics.scene.system import OpticalSystem
 
 # fitted to every second picture of docs/data/untuned.json and the designs of overview.json on one machine,

@@ -15,6 +15,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.measuring import light_axes, with_mirror_images
 from optics.light.tracing import (
     FATES,
     Branches,
@@ -25,7 +26,7 @@ from optics.light.tracing import (
     trace_nonsequential,
 )
 from optics.scene.receivers import Screen
-from optics.scene.sources import Rays
+from optics.scene.sources import Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -71,12 +72,17 @@ def nonsequential_light(
     fates: list[Fates] = []
     within: list[Branches] = []
     solid, plane = system.solid(lens), TargetArea.of(system.own_path(lens), screen.half_width)
+    axes = light_axes(system, lens)
+    copies = 2 ** len(axes)
     number = replicates or REPLICATES
     sets = system.source.replicates(number, RAYS, rng, AT_ONCE)
 
     def trace(count: int) -> OtherLight:
         """All at once: most generations of branches are few, and cost what they cost by their number."""
-        parts = [Rays.joined([system.own_rays(part, lens) for part in each]) for each in islice(sets, count)]
+        parts = [
+            Rays.joined([mirror_half(system.own_rays(part, lens), axes) for part in each])
+            for each in islice(sets, count)
+        ]
         every = trace_nonsequential(
             backend, solid, Rays.joined(parts), plane, threshold=ROULETTE, roulette=rng
         )
@@ -85,16 +91,16 @@ def nonsequential_light(
             image, direct = _through_front_and_rear(system, lens, screen, rays, backend)
             own = through & (first <= every.ray) & (every.ray < stop)
             image = screen.binned(every.landings.points[own], every.landings.flux[own]) - image
-            by_fate = Fates(*every.by_ray[:, first:stop].sum(axis=1).tolist())
-            ways = by_fate.onto - direct.on_target, by_fate.beside - direct.off_target
-            images.append((image / screen.pixel_area, *ways))
+            by_fate = Fates(*(copies * every.by_ray[:, first:stop].sum(axis=1)).tolist())
+            ways = by_fate.onto - copies * direct.on_target, by_fate.beside - copies * direct.off_target
+            images.append((with_mirror_images(image, axes) / screen.pixel_area, *ways))
             fates.append(by_fate)
         within.append(every.onto_rear)
-        light = LightEstimate.of_replicates(images)
+        light = LightEstimate.of_replicates(images, copies)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
         share = light.on_target / mean.onto if mean.onto else 0.0
-        last = sum(within[1:], start=within[0])
-        onto_rear = Rays(last.origin, last.direction, last.flux / len(fates)) if last.flux.size else None
+        last, many = sum(within[1:], start=within[0]), copies / len(fates)
+        onto_rear = Rays(last.origin, last.direction, last.flux * many) if last.flux.size else None
         return OtherLight(light, mean, share, onto_rear)
 
     pilot, more = trace(PILOT), number - PILOT

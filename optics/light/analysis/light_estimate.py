@@ -19,6 +19,7 @@ class LightEstimate:
     irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
     on_target, off_target : W in the target plane, on the screen and beside it.
     off_error : of the latter, as a standard deviation.
+    images : how many pixels err as one, since they are mirror images of each other.
     """
 
     irradiance: Floats
@@ -26,9 +27,12 @@ class LightEstimate:
     on_target: float
     off_target: float
     off_error: float = 0.0
+    images: int = 1
 
     @classmethod
-    def of_replicates(cls, replicates: Iterable[tuple[Floats, float, float]]) -> LightEstimate:
+    def of_replicates(
+        cls, replicates: Iterable[tuple[Floats, float, float]], images: int = 1
+    ) -> LightEstimate:
         """Return the mean of independent estimates (irradiance, on_target, off_target) of the same light.
 
         The error of the mean of R images is their standard deviation / sqrt(R).  At least two are needed.
@@ -42,7 +46,7 @@ class LightEstimate:
             on += onto
             besides.append(beside)
         off, spread = float(np.mean(besides)), float(np.std(besides, ddof=1)) / sqrt(count)
-        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread)
+        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread, images)
 
     def __add__(self, other: LightEstimate) -> LightEstimate:
         """Return the sum of two independent estimates."""
@@ -52,7 +56,14 @@ class LightEstimate:
             self.on_target + other.on_target,
             self.off_target + other.off_target,
             float(np.hypot(self.off_error, other.off_error)),
+            max(self.images, other.images),
         )
+
+    @property
+    def error_in_sums(self) -> Floats:
+        """Pixel errors, (rows, columns), from which that of a sum over pixels follows as if each erred alone:
+        too large for a sum over one of the images."""
+        return sqrt(self.images) * self.error
 
     def finer(self, screen: Screen) -> LightEstimate:
         """Return it on a screen of the same size with a multiple of the pixels in each direction.
@@ -70,7 +81,7 @@ class LightEstimate:
 
     def lit_error(self, lit: Bools, pixel_area: float) -> float:
         """Return the standard deviation of the flux on some pixels, (rows, columns), W."""
-        return float(np.linalg.norm(self.error[lit])) * pixel_area
+        return float(np.linalg.norm(self.error_in_sums[lit])) * pixel_area
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
@@ -78,7 +89,8 @@ class LightEstimate:
         rel_l2_floor : f, the L2 norm of E's error, relative to T.  Noise adds f^2 to rel_l2^2 on average.
         rel_l2_debiased : sqrt(rel_l2^2 - f^2), or 0.
         rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
-            errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2.
+            errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2;
+            that times the images of mirrored light.
         """
         norm = float(np.linalg.norm(target) / target.mean())
         scale = self.irradiance.mean()
@@ -87,7 +99,7 @@ class LightEstimate:
         residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
         floor = float(np.linalg.norm(error)) / norm
         debiased = sqrt(max(float(np.linalg.norm(residual)) ** 2 / norm**2 - floor**2, 0.0))
-        variance = float(np.sum((4 * residual**2 - 2 * error**2) * error**2))
+        variance = self.images * float(np.sum((4 * residual**2 - 2 * error**2) * error**2))
         spread = sqrt(max(variance, 0.0)) / norm**2 / 2
         return {
             "rel_l2_floor": floor,

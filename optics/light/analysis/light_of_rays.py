@@ -14,11 +14,11 @@ import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.measuring import Splat
+from optics.light.measuring import Splat, with_mirror_images
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
-from optics.scene.sources import LightSource, RayGrid, Rays
+from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
@@ -29,23 +29,31 @@ RAYS_AT_ONCE = 1 << 19  # more only take more memory
 
 
 def ray_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, count: int | None = None
+    system: OpticalSystem,
+    path: LightPath,
+    screen: Screen,
+    backend: Backend,
+    count: int | None = None,
+    axes: Sequence[int] = (),
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance in box pixels along a path, W/mm^2, mean flux by fate).
 
     system : whose source shines, and whose surfaces are rough.  count : of rays; None is `ray_count`.
+    axes : directions in which the light is its own mirror image, see `light_axes`: one half of it is traced.
     """
     side = isqrt((count or ray_count(screen)) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
+    images = 2 ** len(axes)
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
-            image, by_fate = _trace(path, system.slope_rms, screen, parts, rng, backend)
-            fates.append(by_fate)
-            yield image, by_fate.on_target, by_fate.off_target
+            half = (mirror_half(part, axes) if isinstance(part, Rays) else part for part in parts)
+            image, by_fate = _trace(path, system.slope_rms, screen, half, rng, backend)
+            fates.append(by_fate * images)
+            yield with_mirror_images(image, axes), fates[-1].on_target, fates[-1].off_target
 
-    light = LightEstimate.of_replicates(replicates())
+    light = LightEstimate.of_replicates(replicates(), images)
     return light, reduce(add, fates) / REPLICATES
 
 

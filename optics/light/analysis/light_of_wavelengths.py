@@ -79,16 +79,17 @@ def spectral_light(
     if not system.spectral:
         return SpectralLight(*estimate(system, path, screen, backend), None)
     image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
-    fates, on, off, off_error = [], 0.0, 0.0, 0.0
+    fates, on, off, off_error, images = [], 0.0, 0.0, 0.0, 1
     for wavelength in system.wavelengths:
         light, by_fate = estimate(system, path.in_media(wavelength.media), screen, backend)
         image += wavelength.weight * light.irradiance
         error += wavelength.weight * light.error
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
         on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
-        off_error += wavelength.weight * light.off_error
+        off_error, images = off_error + wavelength.weight * light.off_error, light.images
         fates.append(by_fate * wavelength.weight)
-    return SpectralLight(LightEstimate(image, error, on, off, off_error), reduce(add, fates), colour)
+    light = LightEstimate(image, error, on, off, off_error, images)
+    return SpectralLight(light, reduce(add, fates), colour)
 
 
 def colour_metrics(

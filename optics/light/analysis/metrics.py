@@ -7,7 +7,7 @@ followed on all non-sequential paths through the closed lens (`nonsequential_lig
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -29,6 +29,8 @@ from optics.light.analysis.light_of_wavelengths import (
 )
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
+from optics.light.measuring import light_axes
+from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
@@ -89,7 +91,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """
     system = system.with_all_sources
     screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
-    estimate = ESTIMATES[estimator]
+    estimate = _estimate(estimator, system, lens)
     spectral = light_of_plate(system, path, lambda p: spectral_light(system, p, screen, backend, estimate))
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
@@ -123,7 +125,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray"] = max(all_light.off_target, 0.0) / flux
     metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
-    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
+    metrics |= photometric_metrics(system, screen, irradiance, light.error_in_sums / shown, blur)
     metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if other:
@@ -162,16 +164,16 @@ def _zones(
     if fine != screen and estimator == "beams" and spot_rms(system, lens, backend) > max(screen.pitch):
         fine = screen
     if fine != screen:
-        estimate = ESTIMATES[estimator]
+        estimate = _estimate(estimator, system, lens)
         if estimator == "rays":  # as many in an aperture as in a pixel
             count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
-            estimate = partial(ray_irradiance, count=max(count, ray_count(screen)))
+            estimate = partial(estimate, count=max(count, ray_count(screen)))
         light = light_of_plate(
             system, path, lambda p: spectral_light(system, p, fine, backend, estimate)
         ).estimate
         light = light + other.finer(fine) if other else light
     shown = fine.projection()
-    return zone_metrics(system, fine, light.irradiance / shown, light.error / shown)
+    return zone_metrics(system, fine, light.irradiance / shown, light.error_in_sums / shown)
 
 
 def _by_other_ways(
@@ -191,8 +193,17 @@ def _by_other_ways(
 def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
     """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
     screen, path = system.target.screen(), system.shaded_path(lens)
-    light = spectral_light(system, path, screen, backend, ESTIMATES[_estimator(system)])
+    light = spectral_light(system, path, screen, backend, _estimate(_estimator(system), system, lens))
     return light.estimate.irradiance / screen.projection()
+
+
+def _estimate(
+    estimator: str, system: OpticalSystem, lens: Lens
+) -> Callable[..., tuple[LightEstimate, SequentialFates]]:
+    """Return how the light of a lens is estimated; of symmetric light half of the rays do."""
+    if estimator == "rays":
+        return partial(ray_irradiance, axes=light_axes(system, lens))
+    return ESTIMATES[estimator]
 
 
 def _estimator(system: OpticalSystem) -> str:
@@ -291,4 +302,4 @@ def dark_fraction(target: Floats) -> float:
     return float((target <= DARK * target.max()).mean())
 
 
-ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance, "rays": ray_irradiance}
+ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.measuring import MappedCells, Splat
+from optics.light.measuring import MappedCells, Splat, with_mirror_images
 from optics.light.tracing import Landing, RayTracer
 from optics.scene.receivers import Screen, Window, filter_image
 from thbcad.checks import Floats
@@ -35,7 +35,7 @@ class TracedModel:
     ) -> None:
         self.screen = screen
         self._backend, self._tracer = backend, tracer
-        self._flipped = [1 - axis for axis in mirrors]
+        self._mirrors = mirrors
         self._window = None if isinstance(window, MappedCells) else window
         self._cells = window if isinstance(window, MappedCells) else None
         self._splat = None if isinstance(window, MappedCells) else Splat(backend, screen, window, light)
@@ -83,7 +83,7 @@ class TracedModel:
 
     def shown(self, image: DrArray, lost: DrArray) -> tuple[Floats, float]:
         """Return image and lost light of the rays and of their mirror images."""
-        return self._picture(image), 2 ** len(self._flipped) * float(lost.numpy()[0])
+        return self._picture(image), 2 ** len(self._mirrors) * float(lost.numpy()[0])
 
     def pull_back(
         self,
@@ -94,10 +94,8 @@ class TracedModel:
     ) -> list[Floats]:
         """Return the derivative by coefficients, or by nets over other knots."""
         dr, (hits, image, lost) = self._backend.dr, traced
-        for axis in reversed(self._flipped):
-            image_bar = image_bar + np.flip(image_bar, axis)
-        dr.set_grad(image, self._backend.array(image_bar.T))
-        dr.set_grad(lost, self._backend.Float(2 ** len(self._flipped) * lost_bar))
+        dr.set_grad(image, self._backend.array(with_mirror_images(image_bar, self._mirrors).T))
+        dr.set_grad(lost, self._backend.Float(2 ** len(self._mirrors) * lost_bar))
         dr.enqueue(dr.ADMode.Backward, image, lost)
         dr.traverse(dr.ADMode.Backward, dr.ADFlag.ClearVertices)  # what was traced is kept
         return self._tracer.pull_back(hits, knots)
@@ -111,9 +109,7 @@ class TracedModel:
     def _picture(self, image: DrArray) -> Floats:
         """Return an image of the rays with its mirror images, (rows, columns)."""
         picture = np.asarray(image.numpy(), dtype=np.float64).reshape(self.screen.padded, order="F")
-        for axis in self._flipped:
-            picture = picture + np.flip(picture, axis)
-        return picture
+        return with_mirror_images(picture, self._mirrors)
 
 
 class TracedLight:

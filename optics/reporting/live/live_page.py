@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import ProgressEvent
-from optics.designing.optimisation import Listener, Row, Stage, stage_objective, symmetry_axes
+from optics.designing.optimisation import Listener, Row, Stage, stage_objective
 from optics.designing.progress import time_words
 from optics.light.analysis import picture_limit
 from optics.light.blur import spot_rms
 from optics.light.engines import Engine
+from optics.light.measuring import symmetry_axes
 from optics.reporting.report import figures_html, light_pictures, page_head
 from optics.scene.photometry import uniformity
 from optics.scene.receivers import merged

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from optics.designing.optimisation import Mirrors, mirror_axes, stage_objective, stages
+from optics.designing.optimisation import stage_objective, stages
 from optics.light.engines import ExactEngine
+from optics.light.measuring import Mirrors, mirror_axes
 from tests.optics.cases import small_system
 
 GLOWING = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 2.0}

@@ -1,7 +1,7 @@
-"""Mirror symmetry: a problem that is its own mirror image gets a lens that is.
+"""Mirror symmetry: a problem that is its own mirror image gets a lens that is, whose light one half tells.
 
-Rounding breaks the symmetry of a long optimisation; so coefficients and indicators are
-averaged with their mirror images, which makes them equal bit for bit.
+Rounding breaks the symmetry of a long optimisation; so coefficients and indicators are averaged with their
+mirror images, which makes them equal bit for bit.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem, pose_of
 from thbcad.checks import Floats, Integers
 from thbcad.hierarchy import THBSpace
+from thbcad.lens import Lens
+from thbcad.surfaces import THBSurface
 
 TOLERANCE = 1e-12  # of the greatest value
 
@@ -40,6 +42,33 @@ def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
     poses = [system.pose, *(pose_of(optic) for optic, _ in system.others)]
     poses += [system.target.receiver.pose, *(stop.pose for stop in system.stops)]
     return tuple(axis for axis in axes if all(axis in pose.mirror_axes for pose in poses))
+
+
+def light_axes(system: OpticalSystem, lens: Lens) -> tuple[int, ...]:
+    """Return the directions in which the light of a lens is its own mirror image, and so are the source's
+    rays, see `mirror_half`: none where chance, or what a script or a body brings, is not.
+
+    lens : the designed element; its sags and those of all others are their own mirror images bit for bit.
+    """
+    scripted = system.own.source is not None or system.own.receiver is not None
+    made = system.body is not None or system.problem.optic.array is not None
+    if scripted or made or any(system.slope_rms) or not system.source.extended:
+        return ()
+    axes = symmetry_axes(system)
+    return tuple(axis for axis in axes if all(_is_symmetric(sag, axis) for sag in system.sags(lens)))
+
+
+def _is_symmetric(sag: THBSurface, axis: int) -> bool:
+    mirrors = Mirrors(sag.space, (axis,))
+    averaged = mirrors.of_coefficients(sag.coefficients)
+    return mirrors.keeps(axis) and np.array_equal(averaged, sag.coefficients)
+
+
+def with_mirror_images(image: Floats, axes: Sequence[int]) -> Floats:
+    """Return an image plus its mirror images, (rows, columns)."""
+    for axis in axes:
+        image = image + np.flip(image, 1 - axis)
+    return image
 
 
 class Mirrors:
