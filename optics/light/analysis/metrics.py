@@ -125,7 +125,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray"] = max(all_light.off_target, 0.0) / flux
     metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
-    metrics |= photometric_metrics(system, screen, irradiance, light.error_in_sums / shown, blur)
+    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
     metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if other:
@@ -173,7 +173,7 @@ def _zones(
         ).estimate
         light = light + other.finer(fine) if other else light
     shown = fine.projection()
-    return zone_metrics(system, fine, light.irradiance / shown, light.error_in_sums / shown)
+    return zone_metrics(system, fine, light.irradiance / shown, light.error / shown)
 
 
 def _by_other_ways(

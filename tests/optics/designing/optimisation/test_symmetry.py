@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation.loop import shape_lens
-from optics.light.measuring import Mirrors, mirror_axes, symmetry_axes
 from optics.light.engines import ExactEngine
+from optics.light.measuring import Mirrors, mirror_axes, symmetry_axes
 from optics.scene.problem import Problem
 from optics.scene.sources import Profile
 from optics.scene.system import OpticalSystem
