@@ -99,8 +99,9 @@ def nonsequential_light(
         light = LightEstimate.of_replicates(images, copies)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
         share = light.on_target / mean.onto if mean.onto else 0.0
-        last, many = sum(within[1:], start=within[0]), copies / len(fates)
-        onto_rear = Rays(last.origin, last.direction, last.flux * many) if last.flux.size else None
+        last = sum(within[1:], start=within[0])
+        flux = copies / len(fates) * last.flux
+        onto_rear = Rays(last.origin, last.direction, flux) if flux.size else None
         return OtherLight(light, mean, share, onto_rear)
 
     pilot, more = trace(PILOT), number - PILOT

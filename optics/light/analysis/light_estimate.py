@@ -59,12 +59,6 @@ class LightEstimate:
             max(self.images, other.images),
         )
 
-    @property
-    def error_in_sums(self) -> Floats:
-        """Pixel errors, (rows, columns), from which that of a sum over pixels follows as if each erred alone:
-        too large for a sum over one of the images."""
-        return sqrt(self.images) * self.error
-
     def finer(self, screen: Screen) -> LightEstimate:
         """Return it on a screen of the same size with a multiple of the pixels in each direction.
 
@@ -80,8 +74,8 @@ class LightEstimate:
         return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
 
     def lit_error(self, lit: Bools, pixel_area: float) -> float:
-        """Return the standard deviation of the flux on some pixels, (rows, columns), W."""
-        return float(np.linalg.norm(self.error_in_sums[lit])) * pixel_area
+        """Return the standard deviation of the flux on some pixels and their images, (rows, columns), W."""
+        return sqrt(self.images) * float(np.linalg.norm(self.error[lit])) * pixel_area
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.

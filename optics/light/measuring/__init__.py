@@ -1,5 +1,4 @@
-"""Light measured on pixels: rays splatted through windows, cells mapped and cut exactly, of
-symmetric light one half."""
+"""Light measured on pixels: rays splatted through windows, cells mapped and cut, half of what is mirrored."""
 
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
