@@ -39,7 +39,7 @@ class Optimizer:
         note="iterations per level; the last number goes on; blurred light is sharp in as many before",
     )
     finish: int = option(
-        0, low=0, high=100_000, note="iterations of a last pass on unmerged pixels, in a narrow window"
+        0, low=0, high=100_000, note="iterations of a last pass, with the rays of unmerged pixels"
     )
     memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
     start: str = option(

@@ -1,4 +1,4 @@
-"""Light that other ways than front and rear bring, beside the light of the last level and the finish."""
+"""Light that other ways than front and rear bring, beside the light of the last levels and the finish."""
 
 from dataclasses import replace
 
@@ -54,14 +54,29 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
 
 
 @pytest.mark.slow
-def test_it_is_its_own_mirror_image_and_only_the_last_level_has_one(tmp_path, backend, monkeypatch):
+def test_the_last_two_levels_and_the_finish_have_one(tmp_path):
+    plan = stages(system_of(tmp_path, {"lens.rear.freeform.max_level": 3}), False)
+    assert [stage.other_ways for stage in plan] == [False, False, True, True, True]
+    by_cells = stages(system_of(tmp_path, {"source.kind": "point", "optimizer.window": "cells"}), False)
+    assert [stage.other_ways for stage in by_cells] == [True, False, True]  # what they bring is of rays
+
+
+def test_sharp_light_has_none(tmp_path):
+    """It is compared with an aim, not with what arrives."""
+    sun = {"source.divergence_profile": "sun", "source.divergence": 2.0, "optimizer.window": "bspline"}
+    plan = stages(small_system(tmp_path, sun | {"optimizer.finish": 4}), True)
+    assert [stage.aimed for stage in plan[-3:]] == [True, False, False]
+    assert [stage.other_ways for stage in plan[-3:]] == [False, True, True]
+
+
+@pytest.mark.slow
+def test_it_is_its_own_mirror_image_and_as_bright_as_measured(tmp_path, backend, monkeypatch):
     monkeypatch.setattr("optics.light.analysis.closed_lens_light.RAYS", (64, 64))
     monkeypatch.setattr(
         "optics.designing.optimisation.level_objective.REPLICATES", 8
     )  # as many as are measured
     system = system_of(tmp_path)
-    *levels, last, finish = stages(system, False)
-    assert [stage.other_ways for stage in (*levels, last, finish)] == [False, True, True]
+    finish = stages(system, False)[-1]
     image = background(system, backend, system.lens, stage_film(system, finish, (0, 1))).image
     assert image.shape == finish.screen.shape
     assert np.array_equal(image, image[::-1])
@@ -91,7 +106,8 @@ def test_what_cannot_follow_the_rear_counts_where_fixed_light_does(tmp_path, bac
 @pytest.mark.slow
 def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeypatch):
     """The flux asked for grows by the background's, and the objective sees the background."""
-    system = system_of(tmp_path, {"optimizer.iterations": [2], "optimizer.finish": 2})
+    fewer = {"lens.rear.freeform.max_level": 2, "optimizer.iterations": [2], "optimizer.finish": 2}
+    system = system_of(tmp_path, fewer)
     seen, real, objectives = [], loop.stage_objective, []
 
     def known(system, backend, lens, film, fixed):
@@ -104,8 +120,8 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     monkeypatch.setattr(loop, "background", known)
     monkeypatch.setattr(loop, "stage_objective", watched)
     shape_lens(system, backend, ExactEngine(backend), listener=Listener(seen=lambda *each: seen.append(each)))
-    first, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, _, target in seen)
-    assert last == pytest.approx(first + 1e-8 * 4000.0**2, rel=1e-12)
-    passed = transmitted_flux(system, backend, seen[1][2])
+    first, second, last, finish = (target.sum() * stage.screen.pixel_area for stage, _, _, target in seen)
+    assert second == last == pytest.approx(first + 1e-8 * 4000.0**2, rel=1e-12)
+    passed = transmitted_flux(system, backend, seen[2][2])
     assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)
-    assert [around is None for around in objectives] == [True] * 2 + [False] * 4
+    assert [around is None for around in objectives] == [True] * 2 + [False] * 6

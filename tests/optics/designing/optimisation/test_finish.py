@@ -1,4 +1,4 @@
-"""The last pass on unmerged pixels, and losses by reflection left out."""
+"""The last pass with the rays of unmerged pixels, and losses by reflection left out."""
 
 import pytest
 
@@ -19,14 +19,19 @@ GLOWING = {
 }
 
 
-def test_a_finish_is_one_more_stage_on_unmerged_pixels(tmp_path):
-    plan = stages(small_system(tmp_path, GLOWING | {"optimizer.finish": 9}), False)
-    *before, last = plan
-    assert before == stages(small_system(tmp_path, GLOWING), False) or len(before) == 2
-    assert [stage.finish for stage in plan] == [False, False, True]
+def test_a_finish_is_one_more_stage_with_four_times_the_rays(tmp_path):
+    *before, last = stages(small_system(tmp_path, GLOWING | {"optimizer.finish": 9}), False)
+    assert [stage.finish for stage in (*before, last)] == [False, False, True]
     assert (last.level, last.iterations) == (1, 9)
-    assert last.screen.pixels == (48, 48)
-    assert before[-1].screen.pixels == (24, 24)
+    assert last.screen.pixels == before[-1].screen.pixels == (24, 24)
+    assert (before[-1].rays, last.rays) == ((97, 97), (193, 193))
+
+
+def test_cells_of_a_finish_are_those_of_unmerged_pixels(tmp_path):
+    """Their light has no noise that merged pixels would average."""
+    exact = GLOWING | {"source.kind": "point", "source.half_width": [0.0, 0.0], "optimizer.window": "cells"}
+    *_, before, last = stages(small_system(tmp_path, exact | {"optimizer.finish": 9}), False)
+    assert (before.pixels, last.pixels) == ([24, 24], [48, 48])
 
 
 @pytest.fixture(scope="module")

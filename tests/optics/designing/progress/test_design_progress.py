@@ -30,8 +30,9 @@ def plan_of(run):
             exact=False,
             finish=finish,
             aimed=aimed,
+            other_ways=other_ways,
         )
-        for level, iterations, pixels, rays, finish, aimed in run["plan"]
+        for level, iterations, pixels, rays, finish, aimed, other_ways in run["plan"]
     ]
 
 
