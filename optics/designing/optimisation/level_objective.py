@@ -23,10 +23,10 @@ from optics.designing.penalties import limited_part, shape_penalty
 from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
-from optics.light.measuring import Mirrors, with_mirror_images
+from optics.light.measuring import Mirrors
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Problem, per_level
-from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
+from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow, with_mirror_images
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens

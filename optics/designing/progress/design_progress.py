@@ -23,7 +23,9 @@ FIRST, PROBE = 2.0, 0.5
 TRIES = 1.05  # evaluations per iteration: line searches take some
 AHEAD = 1.05  # of the evaluations so far: what a stage takes that has more
 SEARCHED = 1.35  # times the seconds of a stage, where rays are searched for
+FURTHER = 0.6  # of the seconds of a stage, for every free surface but the first
 LOADING = 0.7  # seconds, of packages
+FLAT = 0.6  # of a start without a map
 # how much the seconds of loading tell of the machine, and those with a transport map
 DISK, MAPPING = 0.6, 0.6
 MOST_GROWTH = 4.0  # of the degrees of freedom from level to level: all cells are refined
@@ -46,6 +48,7 @@ class Size:
     pixels : of the target.  surfaces : that are free.
     extended, by_edges, blurred : of the system's source, light path and light.
     automatic : the transport map comes before all else, since it tells what is left to the program.
+    flat : there is no such map.
     dof : degrees of freedom where every cell is refined; where the level is left to the program, up to the
         last but one.
     """
@@ -57,6 +60,7 @@ class Size:
     blurred: bool
     automatic: bool
     dof: float
+    flat: bool = False
 
     @classmethod
     def of(cls, system: OpticalSystem) -> Size:
@@ -70,6 +74,7 @@ class Size:
             blurred=system.blurred,
             automatic=system.problem.optic.automatic or any(f.max_level == AUTO for f in free),
             dof=sum(prod((n << _finest(f)) + f.degree for n in f.spans) for f in free),
+            flat=system.problem.optimizer.start == "flat",
         )
 
     def stage(self, iterations: int) -> Phase:
@@ -79,6 +84,7 @@ class Size:
     def earlier(self) -> list[Phase]:
         """Return the phases before the first stage."""
         mapped, alone = 0.2 + 1.9e-5 * self.pixels + (10.0 if self.by_edges else 0.0), not self.by_edges
+        mapped = FLAT if self.flat else mapped
         if self.automatic:
             return [Phase(SETUP, LOADING + mapped, MAPPING, alone), Phase(START, 0.1, on_one_core=True)]
         return [Phase(SETUP, LOADING, DISK, True), Phase(START, mapped, on_one_core=alone)]
@@ -91,7 +97,7 @@ class Size:
         """
         measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels + 2e-6 * dof
         if self.by_edges:  # all reflections are traced
-            measure += (8.0 if self.extended else 3.0) * self.surfaces
+            measure += (8.0 if self.blurred else 4.0) if self.extended else 3.0
         if self.blurred:  # by many directions
             measure += 6e-5 * self.pixels
         alone = not (self.by_edges or self.blurred or self.extended)
@@ -181,7 +187,7 @@ class DesignProgress:
         growth = self._growth(stages, dof)
         if not dof:
             dof = self._size.dof / growth ** (stages[-1].level - stages[0].level)
-        each = SEARCHED if self._size.by_edges else 1.0
+        each = (SEARCHED if self._size.by_edges else 1.0) * (1 + FURTHER * (self._size.surfaces - 1))
         return [
             Phase(_name(s), each * s.seconds(dof * growth ** (s.level - stages[0].level))) for s in stages
         ]

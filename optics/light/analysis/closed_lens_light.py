@@ -15,7 +15,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.measuring import light_axes, with_mirror_images
+from optics.light.measuring import light_axes
 from optics.light.tracing import (
     FATES,
     Branches,
@@ -25,7 +25,7 @@ from optics.light.tracing import (
     Tracer,
     trace_nonsequential,
 )
-from optics.scene.receivers import Screen
+from optics.scene.receivers import Screen, with_mirror_images
 from optics.scene.sources import Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -96,7 +96,7 @@ def nonsequential_light(
             images.append((with_mirror_images(image, axes) / screen.pixel_area, *ways))
             fates.append(by_fate)
         within.append(every.onto_rear)
-        light = LightEstimate.of_replicates(images, copies)
+        light = LightEstimate.of_replicates(images, tuple(axes))
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
         share = light.on_target / mean.onto if mean.onto else 0.0
         last = sum(within[1:], start=within[0])

@@ -8,8 +8,8 @@ from math import sqrt
 
 import numpy as np
 
-from optics.scene.receivers import Screen
-from thbcad.checks import Bools, Floats
+from optics.scene.receivers import Screen, with_mirror_images
+from thbcad.checks import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class LightEstimate:
     irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
     on_target, off_target : W in the target plane, on the screen and beside it.
     off_error : of the latter, as a standard deviation.
-    images : how many pixels err as one, since they are mirror images of each other.
+    axes : 0 for x and 1 for y, of directions in which its error is its own mirror image.
     """
 
     irradiance: Floats
@@ -27,11 +27,11 @@ class LightEstimate:
     on_target: float
     off_target: float
     off_error: float = 0.0
-    images: int = 1
+    axes: tuple[int, ...] = ()
 
     @classmethod
     def of_replicates(
-        cls, replicates: Iterable[tuple[Floats, float, float]], images: int = 1
+        cls, replicates: Iterable[tuple[Floats, float, float]], axes: tuple[int, ...] = ()
     ) -> LightEstimate:
         """Return the mean of independent estimates (irradiance, on_target, off_target) of the same light.
 
@@ -46,7 +46,7 @@ class LightEstimate:
             on += onto
             besides.append(beside)
         off, spread = float(np.mean(besides)), float(np.std(besides, ddof=1)) / sqrt(count)
-        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread, images)
+        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread, axes)
 
     def __add__(self, other: LightEstimate) -> LightEstimate:
         """Return the sum of two independent estimates."""
@@ -56,7 +56,7 @@ class LightEstimate:
             self.on_target + other.on_target,
             self.off_target + other.off_target,
             float(np.hypot(self.off_error, other.off_error)),
-            max(self.images, other.images),
+            tuple(sorted({*self.axes, *other.axes})),
         )
 
     def finer(self, screen: Screen) -> LightEstimate:
@@ -73,9 +73,14 @@ class LightEstimate:
         """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
         return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
 
-    def lit_error(self, lit: Bools, pixel_area: float) -> float:
-        """Return the standard deviation of the flux on some pixels and their images, (rows, columns), W."""
-        return sqrt(self.images) * float(np.linalg.norm(self.error[lit])) * pixel_area
+    def error_of_sum(self, weights: Floats) -> float:
+        """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns).
+
+        Of pixel errors s_i that n images share, and that are independent else, it is
+        sqrt(sum_i v_i^2 s_i^2 / n) with the sums v_i of the weights of a pixel's images.
+        """
+        summed = with_mirror_images(np.asarray(weights, np.float64), self.axes)
+        return float(np.linalg.norm(summed * self.error)) / sqrt(2 ** len(self.axes))
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
@@ -84,7 +89,7 @@ class LightEstimate:
         rel_l2_debiased : sqrt(rel_l2^2 - f^2), or 0.
         rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
             errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2;
-            that times the images of mirrored light.
+            where n images share errors, sum_i (4 R_i^2 / n - 2 n s_i^2) s_i^2 with R_i summed over images.
         """
         norm = float(np.linalg.norm(target) / target.mean())
         scale = self.irradiance.mean()
@@ -93,7 +98,8 @@ class LightEstimate:
         residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
         floor = float(np.linalg.norm(error)) / norm
         debiased = sqrt(max(float(np.linalg.norm(residual)) ** 2 / norm**2 - floor**2, 0.0))
-        variance = self.images * float(np.sum((4 * residual**2 - 2 * error**2) * error**2))
+        summed, images = with_mirror_images(residual, self.axes), 2 ** len(self.axes)
+        variance = float(np.sum((4 * summed**2 / images - 2 * images * error**2) * error**2))
         spread = sqrt(max(variance, 0.0)) / norm**2 / 2
         return {
             "rel_l2_floor": floor,

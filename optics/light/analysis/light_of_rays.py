@@ -14,10 +14,10 @@ import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.measuring import Splat, with_mirror_images
+from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
-from optics.scene.receivers import BoxWindow, Screen
+from optics.scene.receivers import BoxWindow, Screen, with_mirror_images
 from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -44,16 +44,15 @@ def ray_irradiance(
     side = isqrt((count or ray_count(screen)) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
-    images = 2 ** len(axes)
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
             half = (mirror_half(part, axes) if isinstance(part, Rays) else part for part in parts)
             image, by_fate = _trace(path, system.slope_rms, screen, half, rng, backend)
-            fates.append(by_fate * images)
+            fates.append(by_fate * 2 ** len(axes))
             yield with_mirror_images(image, axes), fates[-1].on_target, fates[-1].off_target
 
-    light = LightEstimate.of_replicates(replicates(), images)
+    light = LightEstimate.of_replicates(replicates(), tuple(axes))
     return light, reduce(add, fates) / REPLICATES
 
 

@@ -119,13 +119,13 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics |= ray_numbers(system.source, screen)
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
-    lit_error = max(light.lit_error(target > 0, screen.pixel_area), light.off_error)
+    lit_error = max(screen.pixel_area * light.error_of_sum(target > 0), light.off_error)
     metrics["lit_efficiency_error"] = lit_error / flux
     # beside the target the light of other ways counts where it is known, however little falls on it
     metrics["stray"] = max(all_light.off_target, 0.0) / flux
     metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
-    metrics |= photometric_metrics(system, screen, irradiance, light.error / shown, blur)
+    metrics |= photometric_metrics(system, screen, light.over(shown), blur)
     metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if other:
@@ -173,7 +173,7 @@ def _zones(
         ).estimate
         light = light + other.finer(fine) if other else light
     shown = fine.projection()
-    return zone_metrics(system, fine, light.irradiance / shown, light.error / shown)
+    return zone_metrics(system, fine, light.over(shown))
 
 
 def _by_other_ways(
@@ -284,7 +284,7 @@ def delivered(
     found: dict[str, Any] = dict(light.error_of_rel_l2(target))
     found |= {"efficiency": on_target / flux, "stray": off_target / flux}
     found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    found |= zone_metrics(system, screen, shown_light, noise)
+    found |= zone_metrics(system, screen, light)
     if system.target.as_picture:
         found |= contrast_error(found, target)
     if system.target.uniform_region is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import plain_number
+from optics.light.analysis.light_estimate import LightEstimate
 from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
 from optics.scene.receivers import FarField, Plane, Screen
 from optics.scene.system import OpticalSystem
@@ -19,32 +21,32 @@ JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "r
 
 
 def photometric_metrics(
-    system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats, blur: float
+    system: OpticalSystem, screen: Screen, light: LightEstimate, blur: float
 ) -> dict[str, Any]:
     """Return the mean light on a target plane or the beam of a far field, and how uniform even light is.
 
-    irradiance, error : as of a Measurement, and as standard deviations, (rows, columns).
+    light : its irradiance as of a Measurement.
     blur : see `optics.light.blur.spot_rms`.
     """
-    density = system.density
+    density, irradiance = system.density, light.irradiance
     if system.target.far_field:
         found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
     else:
         mean = float(np.average(irradiance, weights=screen.projection()))
         found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
-        found["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
+        found["uniformity"] = uniformity_metrics(system, irradiance, light.error, blur, light.axes)
     return found
 
 
-def zone_metrics(system: OpticalSystem, screen: Screen, irradiance: Floats, error: Floats) -> dict[str, Any]:
+def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) -> dict[str, Any]:
     """Return what the light is in every row of the target's zones, nothing where it has none.
 
-    irradiance, error : as `photometric_metrics`, on the screen's pixels.
+    light : as of `photometric_metrics`, on the screen's pixels.
     """
     target, density, found = system.target, system.density, []
     for row in target.zone_rows(screen):
-        reading = row.reading(irradiance, error)
+        reading = row.reading(light.irradiance, light.error, light.axes)
         numbers = {name: density.factor * value for name, value in reading._asdict().items()}
         greatest = numbers["greatest"] if isfinite(reading.greatest) else None
         over = reading.margin * reading.limit / reading.error if reading.error else None
@@ -64,17 +66,22 @@ def zone_metrics(system: OpticalSystem, screen: Screen, irradiance: Floats, erro
 
 
 def uniformity_metrics(
-    system: OpticalSystem, irradiance: Floats, error: Floats | None, blur: float
+    system: OpticalSystem,
+    irradiance: Floats,
+    error: Floats | None,
+    blur: float,
+    axes: Sequence[int] = (),
 ) -> dict[str, Any]:
     """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
 
-    irradiance, error, blur : as `photometric_metrics`; no error is None.
+    irradiance : as of a Measurement.  error : its standard deviations, (rows, columns); no error is None.
+    blur : as of `photometric_metrics`.  axes : as of a LightEstimate.
     """
     target, screen, density = system.target, system.target.screen(), system.density
     if target.uniform_region is None or target.lit_pixels is None:
         raise ValueError("only a target that asks for the same light everywhere has a uniformity")
     found = uniformity(
-        irradiance, target.uniform_region, screen.half_width, error, blur, system.problem.verify.grid
+        irradiance, target.uniform_region, screen.half_width, error, blur, system.problem.verify.grid, axes
     )
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.measuring import MappedCells, Splat, with_mirror_images
+from optics.light.measuring import MappedCells, Splat
 from optics.light.tracing import Landing, RayTracer
-from optics.scene.receivers import Screen, Window, filter_image
+from optics.scene.receivers import Screen, Window, filter_image, with_mirror_images
 from thbcad.checks import Floats
 from thbcad.splines import KnotVector
 

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
         light_axes,
         mirror_axes,
         symmetry_axes,
-        with_mirror_images,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -64,13 +64,6 @@ def _is_symmetric(sag: THBSurface, axis: int) -> bool:
     return mirrors.keeps(axis) and np.array_equal(averaged, sag.coefficients)
 
 
-def with_mirror_images(image: Floats, axes: Sequence[int]) -> Floats:
-    """Return an image plus its mirror images, (rows, columns)."""
-    for axis in axes:
-        image = image + np.flip(image, 1 - axis)
-    return image
-
-
 class Mirrors:
     """Averaging over the mirror images of a mesh.
 

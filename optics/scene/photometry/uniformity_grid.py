@@ -12,6 +12,7 @@ overlap and still reach every corner.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
@@ -63,6 +64,7 @@ def uniformity(
     error: Floats | None = None,
     blur: float = 0.0,
     grid: int = GRID,
+    axes: Sequence[int] = (),
 ) -> Uniformity:
     """Return how uniform light is in a region of the target.
 
@@ -70,11 +72,12 @@ def uniformity(
     error : of it, as standard deviations, (rows, columns); None is no error.
     blur : rms in one direction of the light that a point of the lens sends, mm or degrees.
     grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
+    axes : 0 for x and 1 for y, of directions in which errors are their own mirror images.
     """
     margin = max(MARGIN * min(region.size), blur)
     pixel = 2 * half_width[0] / light.shape[1], 2 * half_width[1] / light.shape[0]
     for width in range(1, max(1, grid // LARGEST) + 1):
-        found = _on_boxes(light, region, half_width, error, margin, grid, width)
+        found = _on_boxes(light, region, half_width, error, margin, grid, width, axes)
         wide = all(b >= p * (1 - 1e-9) for b, p in zip(found.box, pixel))
         if found.reason or (wide and found.noise <= NOISE):
             return found
@@ -94,6 +97,7 @@ def _on_boxes(
     margin: float,
     grid: int,
     width: int,
+    axes: Sequence[int],
 ) -> Uniformity:
     """Return the uniformity on all squares of width x width boxes of the grid."""
     # boxes that lie wholly within the margin count, where all of a square do
@@ -121,10 +125,17 @@ def _on_boxes(
     found = replace(found, mean=float(means.mean()))
     if found.mean <= 0:
         return replace(found, reason="the region is dark")
-    noise = np.zeros(len(means))
-    if error is not None:
-        noise = np.sqrt((by_row**2 @ error**2 @ (by_column**2).T)[kept]) / found.mean
-    return _judged(found, np.maximum(means, 0.0) / found.mean, noise)
+    means = np.maximum(means, 0.0) / found.mean
+    if error is None:
+        return _judged(found, means, np.zeros(len(means)), 0.0)
+    # pixels that are mirror images share their errors: in these the weights of all images add up
+    by_row, by_column = (s + s[:, ::-1] if a in axes else s for a, s in ((1, by_row), (0, by_column)))
+    error = error / found.mean / sqrt(2 ** len(axes))
+    noise = np.sqrt((by_row**2 @ error**2 @ (by_column**2).T)[kept])
+    away = np.zeros(kept.shape)
+    away[kept] = means - 1
+    of_squares = 4 * float(np.sum(np.square((by_row.T @ away @ by_column) * error)))
+    return _judged(found, means, noise, of_squares - 2 ** (1 + len(axes)) * float(np.sum(noise**4)))
 
 
 def _mean_of(shares: Floats, width: int) -> Floats:
@@ -132,14 +143,16 @@ def _mean_of(shares: Floats, width: int) -> Floats:
     return sliding_window_view(shares, width, axis=0).mean(axis=-1)
 
 
-def _judged(found: Uniformity, means: Floats, noise: Floats) -> Uniformity:
-    """Return the ratios of boxes.  means, noise : relative to the mean of all."""
+def _judged(found: Uniformity, means: Floats, noise: Floats, variance: float) -> Uniformity:
+    """Return the ratios of boxes.
+
+    means, noise : relative to the mean of all.  variance : of the sum of (means - 1)^2.
+    """
     low, high = int(means.argmin()), int(means.argmax())
     least, most = float(means[low]), float(means[high])
     ratio, square = least / most, max(float(means.var()) - float(np.mean(noise**2)), 0.0)
-    spread = float(np.sum((4 * (means - 1) ** 2 - 2 * noise**2) * noise**2)) / len(means) ** 2
     rsd = sqrt(square)
-    rsd_error = sqrt(max(spread, 0.0)) / 2 / rsd if rsd else float(noise.max())
+    rsd_error = sqrt(max(variance, 0.0)) / len(means) / 2 / rsd if rsd else float(noise.max())
     return replace(
         found,
         noise=float(noise.max()),

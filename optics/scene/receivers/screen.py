@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,3 +120,10 @@ def lit_part(
     wide, tall = hx / image.shape[1], hy / image.shape[0]  # half a pixel
     centre = float((c0 + c1) * wide - hx), float(hy - (r0 + r1) * tall)
     return image[r0:r1, c0:c1], centre, (float((c1 - c0) * wide), float((r1 - r0) * tall))
+
+
+def with_mirror_images(image: Floats, axes: Sequence[int]) -> Floats:
+    """Return an image plus its mirror images, (rows, columns)."""
+    for axis in axes:
+        image = image + np.flip(image, 1 - axis)
+    return image

@@ -12,16 +12,17 @@ Source: the goniometer of UN Regulation No. 112, whose horizontal axis is fixed 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, inf, isinf
+from math import ceil, inf, isinf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from optics.scene.receivers.screen import Screen
+from optics.scene.receivers.screen import Screen, with_mirror_images
 from thbcad.checks import Bools, Floats, Integers
 
 STEP = 0.5  # pixels between places along a line
@@ -103,8 +104,12 @@ class ZoneRow:
         least, greatest = max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
         return self.correction * least, self.correction * greatest
 
-    def reading(self, light: Floats, error: Floats) -> ZoneReading:
-        """Return what the row says.  light : (rows, columns); error : of its pixels, a standard deviation."""
+    def reading(self, light: Floats, error: Floats, axes: Sequence[int] = ()) -> ZoneReading:
+        """Return what the row says.
+
+        light : (rows, columns).  error : of its pixels, a standard deviation.
+        axes : directions in which errors are their own mirror images.
+        """
         values = self.readings @ light.ravel()
         k = int(np.argmax(values) if self.brightest else np.argmin(values))
         weights, value, least = self.readings[[k]], float(values[k]), self.least
@@ -114,7 +119,8 @@ class ZoneRow:
             if self.least_of_peak * found[peak] > least:  # the limit errs, too
                 least = self.least_of_peak * float(found[peak])
                 weights = weights - self.least_of_peak * self.peaks[[peak]]
-        noise = float(np.sqrt((weights.multiply(weights) @ np.square(error.ravel()))[0]))
+        summed = with_mirror_images(weights.toarray().reshape(light.shape), axes)
+        noise = float(np.linalg.norm(summed * error)) / sqrt(2 ** len(axes))
         return ZoneReading(value, noise, least, self.greatest)
 
 

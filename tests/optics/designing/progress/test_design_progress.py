@@ -39,13 +39,15 @@ def plan_of(run):
 def system_of(run):
     """The system of a run as it is asked for: what is automatic takes the finest level."""
     size = run["size"]
+    start = "flat" if size.get("flat") else "transport"
     level, width = (AUTO, FINEST_AUTO - 1) if size["automatic"] else (0, 0)
     free = SimpleNamespace(max_level=level, finest=width, spans=(run["asked"] >> width,), degree=0)
     free = {name: free for name in range(size["surfaces"])}
     return SimpleNamespace(
         target=SimpleNamespace(settings=SimpleNamespace(pixels=(1, size["pixels"]))),
         problem=SimpleNamespace(
-            optic=SimpleNamespace(free=free, automatic=False), optimizer=SimpleNamespace(iterations=[60])
+            optic=SimpleNamespace(free=free, automatic=False),
+            optimizer=SimpleNamespace(iterations=[60], start=start),
         ),
         freeforms=tuple(free.values()),
         source=SimpleNamespace(extended=size["extended"]),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.measuring import with_mirror_images
+from optics.scene.receivers import with_mirror_images
 
 RNG = np.random.default_rng(5)
 
@@ -47,9 +47,9 @@ def test_noise_is_taken_off_and_what_remains_is_known(noise, axes):
     found, on_lit = [], []
     for _ in range(300):
         errors = error * mirrored(RNG.normal(0, np.sqrt(images), light.shape))
-        estimate = LightEstimate(light + errors, error, 1, 0, images=images)
+        estimate = LightEstimate(light + errors, error, 1, 0, axes=axes)
         found.append(estimate.error_of_rel_l2(target))
-        on_lit.append((estimate.irradiance[lit].sum(), estimate.lit_error(lit, 1.0)))
+        on_lit.append((estimate.irradiance[lit].sum(), estimate.error_of_sum(lit)))
     assert np.std(on_lit, axis=0)[0] == pytest.approx(np.mean(on_lit, axis=0)[1], rel=0.2)
     debiased, told, floor = (
         np.array([f[k] for f in found]) for k in ("rel_l2_debiased", "rel_l2_error", "rel_l2_floor")

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtri
 
 from optics.scene.photometry import RASTER, LitRegion, edge_width, uniformity
+from optics.scene.receivers import with_mirror_images
 
 HALF = (3.0, 2.0)
 WHOLE = LitRegion((-3.0, 3.0), (-2.0, 2.0), np.ones((RASTER, RASTER), dtype=bool))
@@ -139,18 +140,28 @@ def test_a_stripe_of_few_boxes_is_not_judged():
 
 
 @pytest.mark.slow
-def test_errors_are_those_of_repetitions():
-    """Light of one dark box, measured 400 times: the scatter of U0, and the mean of rsd, are as is said."""
+@pytest.mark.parametrize("axes", [(), (1,), (0, 1)], ids=str)
+def test_errors_are_those_of_repetitions(axes):
+    """Light of one dark box, measured 400 times: the scatter of U0, and the mean of rsd, are as is said.
+
+    Where errors are their own mirror images, those of that box, which is in the middle, are larger.
+    """
     rng, true = np.random.default_rng(5), np.ones((84, 84))
     true[40:44, 40:44] = 0.8
-    noise = np.full(true.shape, 0.02)
+    noise = np.full(true.shape, 0.018)
     exact = uniformity(true, WHOLE, HALF)
-    found = [uniformity(true + noise * rng.normal(size=true.shape), WHOLE, HALF, noise) for _ in range(400)]
+
+    def measured():
+        errors = with_mirror_images(rng.normal(size=true.shape), axes) / np.sqrt(2 ** len(axes))
+        return uniformity(true + noise * errors, WHOLE, HALF, noise, axes=axes)
+
+    found = [measured() for _ in range(400)]
     scatter = np.std([f.min_over_mean for f in found])
     assert scatter == pytest.approx(
         found[0].min_over_mean_error, rel=0.15
     )  # 3.5 % of 400 repetitions, 4 times
     assert np.std([f.min_over_max for f in found]) == pytest.approx(found[0].min_over_max_error, rel=0.4)
+    assert found[0].min_over_mean_error == pytest.approx(0.018 / 4 * np.sqrt(2 ** len(axes)), rel=0.01)
     spread = np.std([f.rsd for f in found])
     assert abs(np.mean([f.rsd for f in found]) - exact.rsd) < 4 * spread / 20
     assert spread == pytest.approx(found[0].rsd_error, rel=0.2)

@@ -146,6 +146,16 @@ def test_a_reading_is_exact_on_linear_light_and_its_error_is_that_of_independent
     assert found.error == pytest.approx(0.1 / 2)  # the mean of four
 
 
+@pytest.mark.parametrize("axes", [(), (0,), (1,), (0, 1)], ids=str)
+def test_errors_that_mirror_images_share_add_up_in_a_reading_across_the_axis(axes):
+    """A reading in the middle is of 2 x 2 pixels that are images of each other, one beside it is not."""
+    screen, shares = Screen((6.0, 4.0), (24, 16)), np.sqrt(2 ** len(axes))
+    light, noise = np.ones(screen.shape), np.full(screen.shape, 0.1)
+    for at, error in (((0.0, 0.0), 0.05 * shares), ((3.0, 2.0), 0.05)):
+        (row,) = zone_rows("", np.array([at]), screen, (0.5, 3.0, 0.0), 0.0)
+        assert row.reading(light, noise, axes).error == pytest.approx(error, rel=1e-12)
+
+
 @pytest.mark.parametrize("aperture", [0.0, 0.3, 0.74, 1.3, 9.0])
 def test_a_reading_is_the_mean_over_an_aperture(aperture):
     """Of pixels 0.4 x 0.2 wide, cut into parts of 0.01; at a border those that touch it."""
