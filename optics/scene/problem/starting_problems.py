@@ -48,7 +48,7 @@ EXTENDED = GLOW | {
 }
 TWO_SURFACES = GLOW | {
     "optimizer.finish": 40,
-    "optimizer.iterations": (72, 72, 72, 72, 36, 36, 12),
+    "optimizer.iterations": (72, 72, 72, 72, 72, 72, 20),
     "lens.front.freeform": {"spans": (2, 2), "max_level": 5, "z_freedom": 1.0},
     "lens.rear.freeform": {"spans": (2, 2), "max_level": 6, "z_freedom": 1.5},
 }

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from optics.scene.receivers.screen import Screen, with_mirror_images
+from optics.scene.receivers.screen import Screen
 from thbcad.checks import Bools, Floats, Integers
 
 STEP = 0.5  # pixels between places along a line
@@ -119,8 +119,11 @@ class ZoneRow:
             if self.least_of_peak * found[peak] > least:  # the limit errs, too
                 least = self.least_of_peak * float(found[peak])
                 weights = weights - self.least_of_peak * self.peaks[[peak]]
-        summed = with_mirror_images(weights.toarray().reshape(light.shape), axes)
-        noise = float(np.linalg.norm(summed * error)) / sqrt(2 ** len(axes))
+        for axis in axes:
+            weights = (
+                weights + weights[:, np.flip(np.arange(light.size).reshape(light.shape), 1 - axis).ravel()]
+            )
+        noise = sqrt((weights.multiply(weights) @ np.square(error.ravel()))[0] / 2 ** len(axes))
         return ZoneReading(value, noise, least, self.greatest)
 
 
