@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from optics.scene.receivers import Screen, with_mirror_images
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class LightEstimate:
         """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
         return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
 
-    def error_of_sum(self, weights: Floats) -> float:
+    def error_of_sum(self, weights: Floats | Bools) -> float:
         """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns).
 
         Of pixel errors s_i that n images share, and that are independent else, it is
