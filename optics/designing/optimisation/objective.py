@@ -82,9 +82,9 @@ class Objective:
         self._model, self._shape, self._dark = model, shape, dark_flux_weight
         self._weights = _of_h_minus_1(model.screen.padded) if far_sighted else None
         screen = model.screen
-        self._target = model.filtered(screen.pad(target))
+        self._target = np.asfortranarray(model.filtered(screen.pad(target)))  # as images of rays are
         around = 0.0 if background is None else model.filtered(screen.pad(background))
-        self._missing = self._target - around
+        self._missing = np.asfortranarray(self._target - around)
         scale = target.sum() * screen.pixel_area * max(screen.half_width) ** 2
         self._norm = 1.0 / np.square(self._target).sum()
         self._lost_weight = lost_flux_weight / scale
@@ -155,10 +155,10 @@ class Objective:
         """Return (loss without the shape, fit, the loss's derivative by the image)."""
         difference = light.image - self._missing
         seen, weighted = self._of_pixels(difference), self._weighted(difference)
-        fit = self._norm * float(np.vdot(seen, seen))
-        charged = fit if weighted is difference else self._norm * float(np.vdot(difference, weighted))
+        fit = self._norm * float(np.square(seen).sum())
+        charged = fit if weighted is difference else self._norm * float((difference * weighted).sum())
         loss = charged + self._lost_weight * light.lost + self._dark
-        loss -= float(np.vdot(light.image, self._reward))
+        loss -= float((light.image * self._reward).sum())
         return loss, float(np.sqrt(fit)), 2 * self._norm * weighted - self._reward
 
     def _weighted(self, image: Floats, power: float = 1.0) -> Floats:
@@ -172,7 +172,10 @@ class Objective:
         """Return the means of an image over whole pixels, (rows, columns)."""
         if self._parts == 1:
             return image
-        return merged(image, self._parts).repeat(self._parts, axis=0).repeat(self._parts, axis=1)
+        means, out = merged(image, self._parts), np.empty_like(image)
+        for row, column in np.ndindex(self._parts, self._parts):
+            out[row :: self._parts, column :: self._parts] = means
+        return out
 
 
 def _of_h_minus_1(shape: tuple[int, int]) -> Floats:

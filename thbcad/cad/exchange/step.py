@@ -99,7 +99,7 @@ def part_step(
         if not writer.Transfer(document, STEPControl_AsIs):
             raise RuntimeError(f"OCCT could not translate {product.name} to STEP")
     model = writer.ChangeWriter().Model()
-    special = product.material or placement is not None  # else there is neither among the many points
+    special = product.density > 0 or placement is not None  # else there is neither among the many points
     for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1) if special]:
         if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
             entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
