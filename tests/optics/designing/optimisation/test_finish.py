@@ -27,6 +27,19 @@ def test_a_finish_is_one_more_stage_with_four_times_the_rays(tmp_path):
     assert (before[-1].rays, last.rays) == ((97, 97), (193, 193))
 
 
+def test_by_a_free_front_a_finish_sees_light_by_other_ways_twice(tmp_path):
+    """It changes with the front, which the first look does not know."""
+    front = {"lens.front.freeform": {"spans": [4, 4], "max_level": 1, "z_freedom": 0.5}}
+    last = stages(small_system(tmp_path, GLOWING | front | {"optimizer.finish": 40}), False)[-2:]
+    assert [(stage.iterations, stage.finish, stage.other_ways) for stage in last] == [
+        (30, True, True),
+        (10, True, True),
+    ]
+    assert last[0].rays == last[1].rays
+    (only,) = stages(small_system(tmp_path, GLOWING | front | {"optimizer.finish": 1}), False)[-1:]
+    assert only.iterations == 1
+
+
 def test_cells_of_a_finish_are_those_of_unmerged_pixels(tmp_path):
     """Their light has no noise that merged pixels would average."""
     exact = GLOWING | {"source.kind": "point", "source.half_width": [0.0, 0.0], "optimizer.window": "cells"}
