@@ -83,8 +83,8 @@ class Size:
 
     def earlier(self) -> list[Phase]:
         """Return the phases before the first stage."""
-        alone, aimed = not self.by_edges, 10.0 if self.by_edges else 0.0
-        mapped = FLAT if self.flat else 0.2 + 1.9e-5 * self.pixels + aimed
+        alone, aiming = not self.by_edges, 10.0 if self.by_edges else 0.0  # past edges
+        mapped = FLAT if self.flat else 0.2 + 1.9e-5 * self.pixels + aiming
         if self.automatic:
             return [Phase(SETUP, LOADING + mapped, MAPPING, alone), Phase(START, 0.1, on_one_core=True)]
         return [Phase(SETUP, LOADING, DISK, True), Phase(START, mapped, on_one_core=alone)]
