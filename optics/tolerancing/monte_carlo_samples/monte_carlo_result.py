@@ -75,15 +75,21 @@ class MonteCarlo:
         median, worst = (batch.quantile(part) for part in SHOWN[1:])
         passing, good = batch.passing(self.limit), batch.good
         the = "" if self.model.system.problem.element else "the "
+        make = "are known to make" if batch.undecided else "make"
         lines = [
             f"{batch.rel_l2.size} lenses were traced, each with all errors at once. Half of them have a "
             f"rel_l2 of at most {median.value:.2%}, and {SHOWN[2]:.0%} of at most {worst.value:.2%}.",
-            f"{good.value:.1%} of the lenses make the light that was asked for, by the limits of [verify]; "
+            f"{good.value:.1%} of the lenses {make} the light that was asked for, by the limits of [verify]; "
             f"with {CONFIDENCE:.0%} confidence the yield lies between {good.low:.1%} and {good.high:.1%}. "
             f"{passing.value:.1%} keep rel_l2 below {self.limit:.2%}.",
             f"Root mean square they have {sqrt(batch.mean_square().value):.2%}; rises by single errors add "
             f"up to {self.expected:.2%}.",
         ]
+        if batch.undecided:
+            lines.append(
+                f"Of {batch.undecided:.1%} of the lenses the rays do not tell whether their light is that; "
+                "raise target.pixels, which more rays go with."
+            )
         lines += [
             f"The form of {the}{form.surface} is random, {1e6 * form.rms:.3g} nm rms with periods from "
             f"{form.band[0]:g} to {form.band[1]:g} mm."

@@ -32,15 +32,15 @@ class Range:
 class SampleBatch:
     """The light of Monte Carlo samples, lenses made with errors, in independent sets of the same size.
 
-    rel_l2, efficiency, made : (sets, lenses), inf, 0 and False of lenses that could not be traced.
-    made : the verdict on the light.
+    rel_l2, efficiency, made : (sets, lenses), inf, 0 and 0 of lenses that could not be traced.
+    made : the verdict on the light: 1 where it is made, 0 where it misses, NaN where rays do not tell.
     failures : the different sentences why not.
     seconds : of all traces together.
     """
 
     rel_l2: Floats
     efficiency: Floats
-    made: NDArray[np.bool_]
+    made: Floats
     failures: tuple[str, ...] = ()
     seconds: float = 0.0
 
@@ -60,8 +60,17 @@ class SampleBatch:
 
     @property
     def good(self) -> Range:
-        """The yield: the part of all lenses whose light keeps the limits of the problem."""
-        return self._part(self.made)
+        """The yield: the part of all lenses whose light is known to keep the limits of the problem.
+
+        The interval holds whatever becomes of those that are undecided.
+        """
+        known, possible = self._part(self.made == 1), self._part(self.made != 0)
+        return Range(known.value, known.low, possible.high)
+
+    @property
+    def undecided(self) -> float:
+        """The part of all lenses of which rays do not tell whether they keep these limits."""
+        return float(np.isnan(self.made).mean())
 
     def _part(self, kept: NDArray[np.bool_]) -> Range:
         """Return the part of lenses that are kept.
@@ -95,6 +104,7 @@ class SampleBatch:
             "efficiency_mean": float(finite.mean()) if finite.size else 0.0,
             "efficiency_least": float(finite.min()) if finite.size else 0.0,
             "yield": self.good.data(),
+            "undecided": self.undecided,
             "limit_rel_l2": limit,
             "within_limit": self.passing(limit).data(),
             "not_traced": int((~np.isfinite(self.rel_l2)).sum()),

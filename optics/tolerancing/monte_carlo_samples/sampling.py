@@ -75,11 +75,11 @@ class ErrorModel:
 
 
 class Traced(NamedTuple):
-    """What a worker says of a lens.  made : the verdict on its light is "made"."""
+    """What a worker says of a lens.  made : as of a SampleBatch."""
 
     rel_l2: float
     efficiency: float
-    made: bool
+    made: float
 
 
 class Sampled(NamedTuple):
@@ -101,7 +101,8 @@ def traced(model: ErrorModel, draw: Draw) -> Traced:
     metrics = delivered(model.system, image, error, fates.on_target, fates.off_target, model.blur)
     # the most likely values count: what is uncertain of one lens evens out over many
     checks = delivery_checks(metrics, model.system.problem.verify)
-    made = grade(replace(check, error=0.0) for check in checks) == "made"
+    found = grade(replace(check, error=0.0) for check in checks)
+    made = np.nan if found == "not decided" else float(found == "made")
     return Traced(metrics["rel_l2_debiased"], metrics["efficiency"], made)
 
 
@@ -135,4 +136,4 @@ def sample_lenses(
                 progress(done, len(items))
     rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(SampleBatch(rel, efficiency, made > 0, tuple(failures), seconds), sets, by_form)
+    return Sampled(SampleBatch(rel, efficiency, made, tuple(failures), seconds), sets, by_form)

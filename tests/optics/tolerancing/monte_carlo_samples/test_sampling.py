@@ -10,11 +10,13 @@ from hypothesis import given, strategies as st
 from optics.base.runtime import UserError
 from optics.base.workers import Worker, worker_pool
 from optics.light.analysis import rel_l2
+from optics.scene.system import OpticalSystem
 from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormTolerance, SampleBatch, sample_lenses
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
-from optics.tolerancing.monte_carlo_samples.sampling import FIELDS
+from optics.tolerancing.monte_carlo_samples.sample_batch import Range
+from optics.tolerancing.monte_carlo_samples.sampling import FIELDS, traced
 from optics.tolerancing.perturbations import PerturbedLight, tolerances_of
-from tests.optics.cases import rough, small_system
+from tests.optics.cases import flat_problem, rough, small_system
 from thbcad.surfaces import THBSurface
 
 AMOUNTS = {"lens.decentre": 0.2, "index": 1e-3}
@@ -122,6 +124,25 @@ def test_the_interval_of_a_yield_holds_it_as_often_as_it_says():
         found = batch(rng.normal(1.0, 0.3, (8, 64))).passing(1.0)
         held += found.low <= 0.5 <= found.high
     assert held / 400 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 400))
+
+
+def test_lenses_of_which_rays_do_not_tell_widen_the_interval_of_the_yield():
+    kept = np.ones((8, 64))
+    kept[:, :16], kept[:, 16:24] = np.nan, 0.0
+    some = replace(batch(np.ones((8, 64))), made=kept)
+    no, all_made = (replace(some, made=np.nan_to_num(kept, nan=n)).good for n in (0.0, 1.0))
+    assert some.undecided == 0.25
+    assert some.good == Range(no.value, no.low, all_made.high)
+    assert (some.good.value, no.value, all_made.value) == (0.625, 0.625, 0.875)
+
+
+def test_a_lens_of_which_rays_do_not_tell_is_undecided():
+    """On 16 x 16 pixels boxes have too few rays for a uniformity."""
+    source = {"kind": "lambertian", "half_width": (0.5, 0.5), "distance": 10.0, "half_angle": 8.0}
+    system = OpticalSystem(flat_problem(source))
+    target = system.target.irradiance(system.target.screen(), 1.0)
+    made = traced(ErrorModel(system, system.lens, target, ()), Draw((), 0)).made
+    assert np.isnan(made)
 
 
 @pytest.mark.parametrize(("limit", "value"), [(0.5, 0.0), (2.0, 1.0)])
