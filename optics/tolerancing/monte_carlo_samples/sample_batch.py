@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from scipy import stats
 from thbcad.checks import Floats
 
 CONFIDENCE = 0.95
-SHOWN = (0.05, 0.5, 0.95)  # parts of all lenses that are better than the quantile
+LEAST: Final = "inverted_cdf"  # quantile: the least value that a part of all does not exceed
+SHOWN = (0.05, 0.5, 0.95)  # parts of all lenses that are no worse than the quantile
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class SampleBatch:
     seconds: float = 0.0
 
     def quantile(self, part: float) -> Range:
-        """Return the rel_l2 that a part of all lenses stays below."""
-        value = float(np.quantile(self.rel_l2, part, method="higher"))
-        return self._around(value, np.quantile(self.rel_l2, part, axis=1, method="higher"))
+        """Return the least rel_l2 that so large a part of all lenses does not exceed."""
+        value = float(np.quantile(self.rel_l2, part, method=LEAST))
+        return self._around(value, np.quantile(self.rel_l2, part, axis=1, method=LEAST))
 
     def mean_square(self) -> Range:
         """Return the mean of rel_l2^2."""
@@ -88,7 +89,7 @@ class SampleBatch:
 
     def nearest(self, part: float) -> tuple[int, int]:
         """Return set and number of the lens that is the quantile."""
-        value = np.quantile(self.rel_l2, part, method="higher")
+        value = np.quantile(self.rel_l2, part, method=LEAST)
         row, column = np.argwhere(self.rel_l2 == value)[0]
         return int(row), int(column)
 
