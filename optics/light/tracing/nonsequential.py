@@ -283,7 +283,11 @@ def _fates(
         for side in ("on_target", "off_target")
     )
     exit_face = np.maximum(gone.left, FRONT) - FRONT
-    fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), FATES.index("back"))
+    # beside the target goes what passes a curved one, and what sequential tracers count so: all direct light
+    ahead = target.receiver.pose.rotation[:, 2] @ gone.direction > 0
+    misses = ~landed.met & ahead | (gone.stage == LEFT) & ~reaches
+    fate = np.where(misses, off[exit_face], FATES.index("back"))
+    fate = np.where(reaches, np.where(onto, on[exit_face], off[exit_face]), fate)
     fate = np.where(gone.left == NEVER, FATES.index("beside_lens"), fate)
     fate = np.where(gone.left == OUTSIDE, FATES.index("reflected_outside"), fate)
     return np.where(failed, FATES.index("failed"), fate), x, y, reaches

@@ -16,7 +16,8 @@ from optics.light.analysis.metrics import measure
 from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-from tests.optics.cases import DOME, example_system, roughened, small_system
+from optics.scene.system import OpticalSystem
+from tests.optics.cases import DOME, example_system, flat_problem, roughened, small_system
 
 STRONG = DOME | {"source.flux": 3.0, "target.pixels": [10, 8]}
 POINT = {"source.kind": "point", "source.half_angle": 85.0, "source.exponent": 1.0}
@@ -202,3 +203,23 @@ def test_what_the_walls_send_beside_the_target_is_stray(backend):
     assert fates["edges_off_target"] > 0.05 * flux
     beside = sum(fates[f"{way}off_target"] for way in ("", "edges_", "front_"))
     assert metrics["stray"] * flux == pytest.approx(beside, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("half_angle", "changes"),
+    [(60.0, {"surface": "sphere", "radius": 15.0}), (30.0, {"tilt": (0.0, 80.0, 0.0)})],
+    ids=["past a sphere", "away from a wall"],
+)
+def test_light_that_never_meets_the_target_is_stray(backend, half_angle, changes):
+    """As front and rear alone count it; past a sphere also what the walls send forward."""
+    source = {"kind": "point", "half_angle": half_angle, "distance": 8.0}
+    system = OpticalSystem(flat_problem(source, changes, {"thickness": 9}))
+    metrics = measure(system, system.lens, backend).metrics
+    fates, direct = metrics["nonsequential"]["fates_w"], metrics["fates_w"]
+    assert metrics["stray"] == pytest.approx(fates["off_target"] + fates["front_off_target"], rel=0.02)
+    assert metrics["stray"] > direct["off_target"] > 0.2
+    if "surface" in changes:
+        rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), system.lens)
+        plane = TargetArea(receiver_at(69.0), (1.0, 1.0))
+        forward = trace_nonsequential(backend, system.lens, rays, plane).fates
+        assert metrics["stray"] + fates["on_target"] == pytest.approx(forward.onto + forward.beside, rel=0.02)
