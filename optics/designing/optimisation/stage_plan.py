@@ -56,6 +56,7 @@ class Stage:
         long distances.
     exact : the light of cells on the pixels themselves, not that of rays in a window.
     finish : with the rays of unmerged pixels, and a narrower window.
+    again : the last piece of a finish, behind another look at light by other ways.
     aimed : the sharp light is compared with the system's aim, before blurred light is with the target.
     far_sighted : by a norm that moves light over long distances, before the same level in that of the pixels.
     rough : on fewer cells, before the same level on as many as its mesh needs.
@@ -70,6 +71,7 @@ class Stage:
     final: bool
     exact: bool
     finish: bool = False
+    again: bool = False
     aimed: bool = False
     rough: bool = False
     far_sighted: bool = False
@@ -85,7 +87,7 @@ class Stage:
     def name(self) -> str:
         """In a word or three."""
         if self.finish:
-            return "finish"
+            return "finish again" if self.again else "finish"
         kind = "sharp " * self.aimed + "rough " * self.rough + "far-sighted " * self.far_sighted
         return f"{kind}level {self.level}"
 
@@ -119,8 +121,11 @@ class Stage:
 
 
 def stage_seconds(iterations: int, rays: float, dof: float) -> float:
-    """Return the expected seconds of the evaluations of a stage, see `Stage.seconds`."""
-    return (iterations + 1 + PROBES) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
+    """Return the expected seconds of the evaluations of a stage, see `Stage.seconds`.
+
+    Those that estimate curvature take half: their light is the same.
+    """
+    return (iterations + 1 + PROBES / 2) * (PER_EVALUATION + PER_RAY * rays + PER_DOF * dof)
 
 
 def first_level(problem: Problem, from_transport: bool) -> int:
@@ -185,8 +190,10 @@ def _finish(system: OpticalSystem, level: int) -> list[Stage]:
     stage = _stage(system, level, options.finish, 1, True)
     screen = stage.screen if stage.exact else system.target.screen(options.merge, MARGIN)
     finish = replace(stage, screen=screen, finish=True, other_ways=True)
-    again = 0 if len(system.freeforms) == 1 else round(SEEN_AGAIN * options.finish)
-    return [replace(finish, iterations=n) for n in (options.finish - again, again) if n]
+    late = 0 if len(system.freeforms) == 1 else round(SEEN_AGAIN * options.finish)
+    if not late:
+        return [finish]
+    return [replace(finish, iterations=options.finish - late), replace(finish, iterations=late, again=True)]
 
 
 def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:

@@ -97,11 +97,13 @@ class Size:
         """
         measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels + 2e-6 * dof
         if self.by_edges:  # all reflections are traced
-            measure += (8.0 if self.blurred else 4.0) if self.extended else 3.0
+            measure += (8.0 if self.blurred else 2.0) if self.extended else 3.0
         if self.blurred:  # by many directions
             measure += 6e-5 * self.pixels
         alone = not (self.by_edges or self.blurred or self.extended)
-        verify = 0.85 + 0.7e-5 * dof + (2.3 if self.by_edges else 0.0)
+        verify = 0.85 + 0.7e-5 * dof
+        if self.by_edges:
+            verify += 1.0 if self.extended and not self.blurred else 2.3
         return [
             Phase("export", 0.05 + 2e-6 * dof, on_one_core=True),
             Phase("measure", measure, on_one_core=alone),

@@ -31,10 +31,8 @@ def test_by_a_free_front_a_finish_sees_light_by_other_ways_twice(tmp_path):
     """It changes with the front, which the first look does not know."""
     front = {"lens.front.freeform": {"spans": [4, 4], "max_level": 1, "z_freedom": 0.5}}
     last = stages(small_system(tmp_path, GLOWING | front | {"optimizer.finish": 40}), False)[-2:]
-    assert [(stage.iterations, stage.finish, stage.other_ways) for stage in last] == [
-        (30, True, True),
-        (10, True, True),
-    ]
+    assert [(stage.name, stage.iterations) for stage in last] == [("finish", 30), ("finish again", 10)]
+    assert all(stage.other_ways for stage in last)
     assert last[0].rays == last[1].rays
     (only,) = stages(small_system(tmp_path, GLOWING | front | {"optimizer.finish": 1}), False)[-1:]
     assert only.iterations == 1

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from itertools import pairwise
 from threading import Event
 from types import SimpleNamespace
 
@@ -29,10 +30,13 @@ def plan_of(run):
             final=False,
             exact=False,
             finish=finish,
+            again=finish and before[4],
             aimed=aimed,
             other_ways=other_ways,
         )
-        for level, iterations, pixels, rays, finish, aimed, other_ways in run["plan"]
+        for before, (level, iterations, pixels, rays, finish, aimed, other_ways) in pairwise(
+            [run["plan"][0], *run["plan"]]
+        )
     ]
 
 
@@ -137,7 +141,7 @@ def test_the_fraction_of_a_run_rises_to_1_and_every_phase_is_named(name):
     names = list(dict.fromkeys(moment.phase for _, moment in seen))
     assert names[:2] == ["setup", "start surface"]
     assert names[-4:] == ["export", "measure", "verify", "figures"]
-    assert all(re.fullmatch(r"(mesh of )?(sharp )?level \d|finish", name) for name in names[2:-4])
+    assert all(re.fullmatch(r"(mesh of )?(sharp )?level \d|finish( again)?", name) for name in names[2:-4])
     assert len(names) == 6 + len(RUNS[name]["plan"])
 
 
