@@ -10,6 +10,7 @@ import pytest
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row, stages
 from optics.reporting.live.live_page import NOT_FRESH, SECONDS, LiveState, LiveView, live_page
+from optics.scene.receivers import merged
 from tests.optics.cases import WIDE, picture, small_system
 
 page = import_module("optics.reporting.live.live_page")
@@ -110,7 +111,7 @@ def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp
     system = small_system(tmp_path, WIDE)
     stage = stages(system, False)[-1]
     target = system.target.irradiance(stage.screen, 1.0)
-    light = target.reshape(24, stage.parts, 24, stage.parts).mean(axis=(1, 3))
+    light = merged(target, stage.parts)
     asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: light)
     monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
     said = " ".join(page._light(stage, system, system.lens, target, None)["so_far"])
