@@ -184,7 +184,7 @@ def _finish(system: OpticalSystem, level: int) -> list[Stage]:
     """Return the last pass: as many rays as unmerged pixels ask for, on merged ones where light is not exact.
 
     Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light by other
-    ways changes with more than the rear.
+    ways changes with several free surfaces.
     """
     options = system.problem.optimizer
     stage = _stage(system, level, options.finish, 1, True)
