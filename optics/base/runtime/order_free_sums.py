@@ -58,3 +58,16 @@ class OrderFreeSums:
     def values(self) -> DrArray:
         """Return the sums."""
         return self._Float(self._types.Float64(self.whole) * self._quantum)
+
+    def folded(self, copies: int) -> DrArray:
+        """Return the sums over copies of them, of which number k begins with the k-th sum."""
+        if copies == 1:
+            return self.values()
+        dr, Index = self._dr, self._types.UInt32
+        size = dr.width(self.whole) // copies
+        place = dr.arange(Index, size)
+        whole = sum(
+            dr.gather(self._types.Int64, self.whole, place + (k * size - k), place >= k)
+            for k in range(copies)
+        )
+        return self._Float(self._types.Float64(whole) * self._quantum)

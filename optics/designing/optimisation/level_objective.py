@@ -76,7 +76,7 @@ def can_cross(system: OpticalSystem) -> list[bool]:
 
 
 def stage_film(
-    system: OpticalSystem, stage: Stage, axes: Sequence[int] = (), fresh: np.random.Generator | None = None
+    system: OpticalSystem, stage: Stage, axes: Sequence[int] = (), fresh: tuple[int, ...] | None = None
 ) -> Film:
     """Return what an engine is to measure on a stage.  axes, fresh : as of `Film`."""
     if stage.exact:
@@ -92,13 +92,13 @@ def stage_objective(
     target: Floats,
     engine: Engine,
     axes: Sequence[int] = (),
-    fresh: np.random.Generator | None = None,
+    fresh: tuple[int, ...] | None = None,
     background: Background | None = None,
 ) -> Objective:
     """Return the Objective of a stage: its light, its target, and the problem's penalties.
 
     axes : directions of mirror symmetry, in which half of the rays may do.
-    fresh : draws other rays than those of the optimiser; cells are always the same.
+    fresh : as of `Film`.
     background : light of other ways.
     """
     axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]

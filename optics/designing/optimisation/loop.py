@@ -18,8 +18,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 
-import numpy as np
-
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.first_state import (
@@ -255,7 +253,7 @@ class _Run:
             gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements(asked)}
             crossings = {name: -gap for name, gap in gaps.items() if gap < 0}
         if system.source.extended:  # the optimiser fits the noise of its own rays too
-            fresh = np.random.default_rng((system.problem.run.seed, FRESH))
+            fresh = system.problem.run.seed, FRESH
             others = of_stage(stage, fresh=fresh, background=task.background)
             log.rows[found.row] = replace(log.rows[found.row], fresh_fit=others(found.coefficients).fit)
         if last and found.fall > FALLING:

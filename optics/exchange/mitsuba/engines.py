@@ -16,7 +16,7 @@ picture is completed by what float32 took from it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
 
@@ -28,7 +28,16 @@ from optics.exchange.mitsuba.loading import current_mitsuba, load_mitsuba, mitsu
 from optics.exchange.mitsuba.mesh import LensMesh
 from optics.exchange.mitsuba.mesh_tracer import MeshTracer
 from optics.exchange.mitsuba.scene import absorbs, coated, require_open
-from optics.light.engines import SOFT_RIM, Engine, ExactEngine, Film, LightModel, TracedModel, measured_rays
+from optics.light.engines import (
+    SOFT_RIM,
+    DrawnRays,
+    Engine,
+    ExactEngine,
+    Film,
+    LightModel,
+    TracedModel,
+    measured_rays,
+)
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
@@ -58,15 +67,16 @@ def require_meshable(system: OpticalSystem) -> None:
 class MeshEngine:
     """Light models of rays through meshes: an `Engine`.
 
-    backend : of Mitsuba's single precision.
+    backend : of Mitsuba's single precision.  drawn : the rays, which stages of a design have in common.
     """
 
     backend: Backend
+    drawn: DrawnRays = field(default_factory=DrawnRays, repr=False)
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
         require_meshable(system)
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film)
+        rays, window, mirrors = measured_rays(self.backend, system, lens, film, self.drawn)
         tracer = MeshTracer(
             lens_mesh(lens),
             _within(rays, lens),

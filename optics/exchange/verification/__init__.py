@@ -11,7 +11,14 @@ if TYPE_CHECKING:
     from .reference_tracer import trace_step
     from .same_design import fresh_export_checks, prescription_checks, same_surface
     from .solid_text import whole_checks
-    from .step_checks import differing_numbers, export_step, read_back_step, surface_deviation, verify
+    from .step_checks import (
+        differing_numbers,
+        export_step,
+        read_back_step,
+        surface_deviation,
+        trace_back_step,
+        verify,
+    )
     from .step_file import (
         EXACT_VOLUME,
         FITTED_VOLUME,

@@ -10,9 +10,10 @@ import numpy as np
 from optics.base.runtime import Backend, Check, UserError
 from optics.exchange.verification.solid_text import FINE_VOLUME
 from optics.exchange.verification.step_file import ExportedStep, StepFile, faces_besides, has_closed_form
-from optics.exchange.verification.trace_comparison import light_checks
+from optics.exchange.verification.trace_comparison import file_landing, light_checks
+from optics.light.tracing import LandingPoints
 from optics.scene.problem import Verify
-from optics.scene.system import MadePart, OpticalSystem
+from optics.scene.system import MadePart, OpticalSystem, designed_part
 from thbcad.cad.exchange import SolidFile, solid_volume, step_bytes
 from thbcad.checks import Floats
 from thbcad.io import write_bytes
@@ -53,6 +54,12 @@ def read_back_step(made: Made, path: Path, limits: Verify) -> ExportedStep:
     return ExportedStep(checks, file.solid.front, file.solid.rear)
 
 
+def trace_back_step(system: OpticalSystem, lens: Lens, path: Path) -> tuple[list[Check], LandingPoints]:
+    """Return the checks of the designed lens's STEP file as OCCT reads it, and its `file_landing`."""
+    step = read_back_step(designed_part(system, lens).made, path, system.problem.verify)
+    return step.checks, file_landing(system, lens, step, StepFile(path))
+
+
 def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
     """Return the list of Checks of a STEP file as OCCT reads it against the lens in memory.
 
@@ -60,7 +67,7 @@ def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) 
     """
     return [
         *occt_checks(system.made(lens), file, system.problem.verify),
-        *light_checks(system, lens, file.solid, file, backend),
+        *light_checks(system, lens, file_landing(system, lens, file.solid, file), backend),
     ]
 
 

@@ -66,15 +66,69 @@ def compared(
     other : takes rays through the lens, in its frame.
     blocked : whether it knows of stops, clear aperture and coatings; else both traces leave them out.
     """
-    rays = system.source.rays(counts)
-    clear = system.path(lens).without_absorption()  # which the independent tracers leave out
-    clear = clear if blocked else clear.without_stops().without_coats()
-    _, landing = Tracer(backend, clear, rays).trace()
-    points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
-    others, screen = _by_others(system, clear, rays, other), system.target.screen()
-    made = system.solid(lens)
+    rays, path = system.source.rays(counts), _clear(system, lens)
+    path = path if blocked else path.without_stops().without_coats()
+    return _difference(system, lens, backend, rays, path, _by_others(system, path, rays, other))
+
+
+def file_landing(system: OpticalSystem, lens: Lens, step: OpticalFaces, file: StepFile) -> LandingPoints:
+    """Return where rays land that scipy traces through the front and the rear of a STEP file.
+
+    Their number is that of `verify.rays`.  Stops, clear aperture and coatings take what they do.
+
+    step : the faces as read back.  file : whose text bounds those of a lens with an outline.
+    """
+    path, made = system.own_path(lens), system.solid(lens)
+    rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
-        _, within = Tracer(backend, system.held(clear, made.free), rays).trace()
+        path = system.held(path, made.free)
+    elif not lens.rear.outline.is_rectangle:
+        rims = file.rims
+    faces = lens_faces(step, path, system.own_faces, rims)
+
+    def by_scipy(rays: RaysBehind) -> RaysBehind:
+        return through_faces(faces, rays, path.stops)
+
+    return _by_others(system, _clear(system, lens), _checked_rays(system), by_scipy)
+
+
+def light_checks(system: OpticalSystem, lens: Lens, landing: LandingPoints, backend: Backend) -> list[Check]:
+    """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
+
+    landing : see `file_landing`.  backend : of double precision.
+    """
+    limits = system.traced_within
+    seen = _difference(system, lens, backend, _checked_rays(system), _clear(system, lens), landing)
+    return [
+        Check.none_of("rays with another fate in the independent trace", seen.mismatched),
+        Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
+        Check("irradiance, independent trace of the file, relative", seen.irradiance, limits.irradiance, ""),
+    ]
+
+
+def _checked_rays(system: OpticalSystem) -> Rays | RayGrid:
+    return system.source.rays([system.traced_within.rays] * 2)
+
+
+def _clear(system: OpticalSystem, lens: Lens) -> LightPath:
+    """Return the path without absorption, which the independent tracers leave out."""
+    return system.path(lens).without_absorption()
+
+
+def _difference(
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    rays: Rays | RayGrid,
+    path: LightPath,
+    others: LandingPoints,
+) -> Comparison:
+    """Return the Comparison of rays along a path with where others say that they land."""
+    _, landing = Tracer(backend, path, rays).trace()
+    points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
+    screen, made = system.target.screen(), system.solid(lens)
+    if not isinstance(made, Lens):
+        _, within = Tracer(backend, system.held(path, made.free), rays).trace()
         kept = (flux == 0) | (within.flux.numpy() > 0)
         flux, others = flux * kept, LandingPoints(others.points, others.flux * kept)
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
@@ -118,31 +172,3 @@ def deposit(points: Floats, flux: Floats, screen: Screen) -> Floats:
             inside = (r + dr >= 0) & (r + dr < rows) & (c + dc >= 0) & (c + dc < columns)
             np.add.at(image, (r[inside] + dr, c[inside] + dc), weight[inside])
     return image / screen.pixel_area
-
-
-def light_checks(
-    system: OpticalSystem, lens: Lens, step: OpticalFaces, file: StepFile, backend: Backend
-) -> list[Check]:
-    """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
-
-    step : the faces as read back.  file : whose text bounds those of a lens with an outline.
-    backend : of double precision.
-    """
-    limits, path, made = system.traced_within, system.own_path(lens), system.solid(lens)
-    rims: Sequence[FaceRim] = ()
-    if not isinstance(made, Lens):
-        path = system.held(path, made.free)
-    elif not lens.rear.outline.is_rectangle:
-        rims = file.rims
-
-    faces = lens_faces(step, path, system.own_faces, rims)
-
-    def by_scipy(rays: RaysBehind) -> RaysBehind:
-        return through_faces(faces, rays, path.stops)
-
-    seen = compared(system, lens, backend, [limits.rays] * 2, by_scipy, blocked=True)
-    return [
-        Check.none_of("rays with another fate in the independent trace", seen.mismatched),
-        Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
-        Check("irradiance, independent trace of the file, relative", seen.irradiance, limits.irradiance, ""),
-    ]

@@ -6,8 +6,10 @@ Beside the measurement, other processes export the solid and read it back, and d
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,7 +29,6 @@ from optics.designing.optimisation import stages
 from optics.designing.progress import DesignProgress, RunClock
 from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files, shape_file
 from optics.exchange.verification import (
-    ExportedStep,
     StepFile,
     has_closed_form,
     light_checks,
@@ -37,6 +38,7 @@ from optics.interface.api.design_figures import DesignFigures
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
+from optics.light.tracing import LandingPoints
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.problem import Problem
@@ -84,8 +86,10 @@ class _Exports:
     ) -> None:
         parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in other_parts(system)}
         self.files = [*parts]
+        traced = {"lens.step": (system.plain, lens)}
         self.own, *self._fixed = (
-            _Export(solids, part, system.problem, place(file)) for file, part in parts.items()
+            _Export(solids, part, system.problem, place(file), traced.get(file))
+            for file, part in parts.items()
         )
         self._scene = None
         if self._fixed:
@@ -94,33 +98,51 @@ class _Exports:
             written = {part.name: place(file) for file, part in parts.items()}
             self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE), False, written)
 
+    def designed(self) -> tuple[list[Check], LandingPoints]:
+        """Return the checks of the designed element's file, and where that sends light."""
+        of_text = self.own.text_checks()
+        checks, landing = self.own.read.result()
+        return [*of_text, *checks], landing
+
     def others(self) -> list[Check]:
         """Return the checks of the fixed elements and of the scene, once all files are written."""
-        found = [(fixed.part.name, check) for fixed in self._fixed for check in fixed.checked()[0]]
-        checks = [replace(check, name=f"{name}: {check.name}") for name, check in found]
+        checks = []
+        for fixed in self._fixed:
+            found = [*fixed.text_checks(), *fixed.read.result().checks]
+            checks += [replace(check, name=f"{fixed.part.name}: {check.name}") for check in found]
         return [*checks, *(self._scene.result() if self._scene else [])]
 
 
 class _Export:
-    """A STEP file that another process writes and reads back."""
+    """A STEP file that another process writes and reads back.
 
-    def __init__(self, solids: HelperProcess, part: MadePart, problem: Problem, path: Path) -> None:
+    traced : the system and its lens, whose light goes through the file: through two free faces this takes as
+        long as the measurement, which is made meanwhile.
+    read : the answer of `trace_back_step`, or of `read_back_step`.
+    """
+
+    def __init__(
+        self,
+        solids: HelperProcess,
+        part: MadePart,
+        problem: Problem,
+        path: Path,
+        traced: tuple[OpticalSystem, Lens] | None,
+    ) -> None:
         self.part, self._path = part, path
         self.left_out = [LEFT_OUT] if has_closed_form(part.made) else []
-        room, limits = "optics.exchange.verification", problem.verify
-        self._written = solids.ask(room, "export_step", part, problem.export.schema, path)
-        self._read = solids.ask(room, "read_back_step", part.made, path, limits)
+        ask = partial(solids.ask, "optics.exchange.verification")
+        self._written: Future[list[Check]] = ask("export_step", part, problem.export.schema, path)
+        self.read: Future[Any] = (
+            ask("trace_back_step", *traced, path)
+            if traced
+            else ask("read_back_step", part.made, path, problem.verify)
+        )
 
-    def checked(self) -> tuple[list[Check], ExportedStep, StepFile]:
-        """Return the checks of the solid, and the file as OCCT reads it, and the file itself.
-
-        The text is read here as soon as it is written.
-        """
+    def text_checks(self) -> list[Check]:
+        """Return the checks of the file as written, and of its text, which is read as soon as it is."""
         written = self._written.result()
-        file = StepFile(self._path)
-        of_text = text_solid_checks(file.text, self.part.made)
-        step = self._read.result()
-        return [*written, *step.checks, *of_text], step, file
+        return [*written, *text_solid_checks(StepFile(self._path).text, self.part.made)]
 
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
@@ -167,13 +189,16 @@ def write_result(
     with system.backend.on_threads(usable_cores() - HELPERS):  # which are at work
         figures.draw_light(system, lens, measurement, system.backend)
         figures.photograph(system, lens, measurement.irradiance, system.backend)
-        etendue = reached_sentences(system, lens, measurement.metrics)
-        for sentence in etendue.limits:
-            design.notes(sentence)
         metrics = design.metrics
+        bound = figures.process.ask(
+            "optics.designing.etendue", "reached_sentences", system.plain, lens, metrics
+        )
         clock.lap("measure")
         product = answered(making, manufactured, system, lens)
         checks = _checks(design, product, export)
+        etendue = answered(bound, reached_sentences, system, lens, metrics)
+        for sentence in etendue.limits:
+            design.notes(sentence)
     writer.place_steps(export.files)
     clock.lap("verify")
     light = light_files(
@@ -227,8 +252,8 @@ def write_result(
 def _checks(design: DesignRecord, product: Manufacturability, export: _Exports) -> list[Check]:
     """Return the checks of the STEP files, of what the lens delivers, and of the limits of manufacturing."""
     system, lens, problem = design.system, design.lens, design.problem
-    solid, step, file = export.own.checked()
-    light = light_checks(system, lens, step, file, system.backend)  # while the others are written
+    solid, landing = export.designed()
+    light = light_checks(system, lens, landing, system.backend)  # while the others are written
     return [
         *solid,
         *export.others(),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.engines.light_model import Film
@@ -11,26 +13,47 @@ from optics.light.engines.traced_model import TracedModel
 from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
 from optics.scene.receivers import Window
-from optics.scene.sources import RayGrid, Rays, mirror_half
+from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
+KEPT = 3  # sets of rays: of a stage, of its rough steps, and others
+
+
+class DrawnRays:
+    """Rays of a source for films.  The last sets are kept: drawing one takes as long as several traces."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[LightSource, Film, RayGrid | Rays, Sequence[int]]] = []
+
+    def __call__(self, source: LightSource, film: Film) -> tuple[RayGrid | Rays, Sequence[int]]:
+        """Return the rays, and the directions in which they are one half of the light."""
+        for drawn_of, like, rays, axes in self._kept:
+            if drawn_of is source and like.has_rays_of(film):
+                return rays, axes
+        fresh, axes = None if film.fresh is None else np.random.default_rng(film.fresh), ()
+        rays = source.rays(film.rays, fresh)
+        if source.extended and isinstance(rays, Rays):
+            rays, axes = mirror_half(rays, film.axes), film.axes
+        self._kept = [(source, film, rays, axes), *self._kept][:KEPT]
+        return rays, axes
 
 
 @dataclass(frozen=True, eq=False)
 class ExactEngine:
     """Light models of exact rays and cells on a Dr.Jit backend: an `Engine`.
 
-    soft_rim : as of `Tracer`.
+    soft_rim : as of `Tracer`.  drawn : the rays, which stages of a design have in common.
     """
 
     backend: Backend
     soft_rim: float = SOFT_RIM
+    drawn: DrawnRays = field(default_factory=DrawnRays, repr=False)
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film)
+        rays, window, mirrors = measured_rays(self.backend, system, lens, film, self.drawn)
         path = system.path(lens).with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
@@ -40,7 +63,7 @@ class ExactEngine:
 
 
 def measured_rays(
-    backend: Backend, system: OpticalSystem, lens: Lens, film: Film
+    backend: Backend, system: OpticalSystem, lens: Lens, film: Film, drawn: DrawnRays
 ) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
     """Return the rays for a film, how they are measured, and in which directions they are one half.
 
@@ -52,7 +75,5 @@ def measured_rays(
         cells = system.source.cells([n - 1 for n in film.rays], lit).half(film.axes)
         rays = cells.rays()
         return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux, cells.turned), film.axes
-    rays = system.source.rays(film.rays, film.fresh)
-    if system.source.extended and isinstance(rays, Rays):
-        return mirror_half(rays, film.axes), film.window, film.axes
-    return rays, film.window, ()
+    rays, axes = drawn(system.source, film)
+    return rays, film.window, axes

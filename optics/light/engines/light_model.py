@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from optics.scene.receivers import Screen, Window
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -26,14 +24,21 @@ class Film:
     rays : their number in x and y; the corners of cells where there is no window.
     window : in which rays are measured; None measures cells, exactly on the pixels.
     axes : directions (0 for x, 1 for y) of mirror symmetry, in which half of the light may do.
-    fresh : draws other rays than those of the optimiser; cells are always the same.
+    fresh : seed that draws other rays than those of the optimiser; cells are always the same.
     """
 
     screen: Screen
     rays: tuple[int, int]
     window: Window | None = None
     axes: Sequence[int] = ()
-    fresh: np.random.Generator | None = None
+    fresh: tuple[int, ...] | None = None
+
+    def has_rays_of(self, other: Film) -> bool:
+        """Whether both are measured by the same rays, where these are no corners of cells."""
+        return (
+            all(tuple(a) == tuple(b) for a, b in ((self.rays, other.rays), (self.axes, other.axes)))
+            and self.fresh == other.fresh
+        )
 
 
 class Light(Protocol):

@@ -38,7 +38,8 @@ class SearchedHits:
 
     A ray can meet the surface only where it is above the rectangle, from t_0 to t_1.  There
     f(t) = surface height - ray height falls through zero.  A ray with f(t_0) < 0 or f(t_1) > 0 misses.
-    Newton's method starts at the conic's meeting point.  A step that leaves the bracket of f's signs is
+    Newton's method starts at the conic's meeting point; without `proven` where as many rays met the surface
+    when they did so first.  A step that leaves the bracket of f's signs is
     replaced by halving the bracket.
 
     Of several meetings the search returns one, as a rule the first.  With `proven` it is the first: rays that
@@ -49,6 +50,7 @@ class SearchedHits:
 
     steps = 100
     settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
+    near = 0.005  # the same without `proven`, of the root of the resolution: the step makes about its square
 
     def __init__(
         self,
@@ -68,6 +70,9 @@ class SearchedHits:
         self._size = backend.opaque(max(half_width))
         self._unit = backend.opaque(backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
+        resolution = backend.resolution
+        self._settled = self.settled if self._proven else max(self.settled, self.near * resolution**-0.5)
+        self._first: DrArray | None = None  # ray parameters at which rays met the surface first
 
     def meet(self, origin: Vector, direction: Vector, net: Floats | None = None) -> Hits:
         """Return the Hits of rays.
@@ -95,7 +100,14 @@ class SearchedHits:
             )
             if not self._outline.is_rectangle:
                 hit &= gauge(self._backend, self._outline, x, y) <= 1
-            dr.eval(t, x, y, jet, hit, speed, resolved)
+            met = t, x, y, jet, hit, speed, resolved
+            if self._proven:
+                dr.eval(met)
+            else:
+                if self._first is None and self._table is not None:
+                    dr.eval(t)
+                    self._first = t
+                dr.schedule(met)  # with what first needs them, and kept
         if self._table is None and not dr.grad_enabled(origin, direction):
             z, zx, zy, *_ = jet
             return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=resolved, hit=hit, leaves=(), at=(x, y), dr=dr)
@@ -125,9 +137,12 @@ class SearchedHits:
         resolved : the search came to an end; with `proven`, with a proof.
         """
         dr = self._backend.dr
-        tolerance = self.settled * self._resolution(o)
+        tolerance = self._settled * self._resolution(o)
         low, high = first, last = self._span(o, d, self._backend.opaque(shape.top))
-        t = conic_distance(self._backend, self._conic, o, d)
+        if self._first is not None and dr.width(self._first) == dr.width(first):
+            t = self._first
+        else:
+            t = conic_distance(self._backend, self._conic, o, d)
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
         resolved = dr.isfinite(sum(o) + sum(d))

@@ -40,9 +40,11 @@ class Splat:
             dr.schedule(x, y, flux)  # which are then read twice
         rows, columns = screen.padded
         guard = taps - 1  # pixels around the image for windows that lie across its border
-        packets = -(-(guard + PACKED) // PACKED)  # of a column: they hold all taps, wherever these begin
-        stride = -(-(rows + 2 * guard + PACKED) // PACKED)  # packets of a column
-        opaque, along = self.backend.opaque, dr.opaque(Index, stride)
+        pieces = _pieces(taps)
+        copies = pieces[0][1]
+        column_size = -(-(rows + 2 * guard + PACKED) // PACKED) * PACKED
+        size = column_size * (columns + 2 * guard)
+        opaque, along, apart = self.backend.opaque, dr.opaque(Index, column_size), dr.opaque(Index, size)
         height, width = opaque(rows), opaque(columns)
         (sx, ox), (sy, oy) = (map(opaque, pair) for pair in screen.pixel_map())
         shift = 0.5 if taps % 2 == 0 else 0.0
@@ -50,21 +52,21 @@ class Splat:
         row, wy = self._taps(y * sy + oy, shift)
         touches = (row >= -guard) & (column >= -guard) & (row < height) & (column < width)
         start = Index(dr.select(touches, row + guard, 0))
-        first = Index(dr.select(touches, column + guard, 0)) * along + start // PACKED
-        wy = self._shifted(wy, start % PACKED, packets * PACKED)
+        first = Index(dr.select(touches, column + guard, 0)) * along
+        first += start % copies * apart + start // copies * copies
         flux = flux * opaque(1.0 / screen.pixel_area)
-        values, numbers = [], []
+        packets, numbers = [], []
         for a in range(taps):
             line, weighted = first + Index(a) * along, flux * wx[a]
-            for k in range(packets):
-                values.append(self.backend.Packet(*(weighted * w for w in wy[k * PACKED : (k + 1) * PACKED])))
-                numbers.append(line + k)
-        size = stride * PACKED * (columns + 2 * guard)
+            for begin, wide in pieces:
+                run = [weighted * w for w in wy[begin : begin + wide]]
+                packets.append(tuple(run + [self.backend.Float(0)] * (wide - len(run))))
+                numbers.append((line + begin) // wide)
         most = None if self.light is None else WEIGHT * self.light / screen.pixel_area
         operation = scatter_operation(dr.CustomOp)
-        image = self.backend.custom(operation, self.backend, size, values, numbers, touches, most)
+        image = self.backend.custom(operation, self.backend, (copies, size), packets, numbers, touches, most)
         pixel, tall = dr.arange(Index, rows * columns), dr.opaque(Index, rows)
-        return dr.gather(Float, image, (pixel // tall + guard) * (along * PACKED) + pixel % tall + guard)
+        return dr.gather(Float, image, (pixel // tall + guard) * along + pixel % tall + guard)
 
     def _taps(self, position: DrArray, shift: float) -> tuple[DrArray, list[DrArray]]:
         """Return (first pixel, weights) in one direction."""
@@ -73,14 +75,15 @@ class Splat:
         cell = dr.floor(dr.detach(position) - shift)
         return cell - (taps - 1) // 2, self.window.weights(position - shift - cell, dr.exp)
 
-    def _shifted(self, weights: list[DrArray], by: DrArray, count: int) -> list[DrArray]:
-        """Return `count` weights, the given ones after `by` zeros, by < PACKED."""
-        row = [*weights, *[0.0] * (count - len(weights))]
-        for bit in (1, 2):
-            moved = (by & bit) != 0
-            before = [*[0.0] * bit, *row]
-            row = [self.backend.dr.select(moved, before[j], row[j]) for j in range(count)]
-        return row
+
+def _pieces(taps: int) -> list[tuple[int, int]]:
+    """Return the packets that hold a run of taps: (first tap, 1, 2 or 4 numbers), the widest first."""
+    pieces, begin = [], 0
+    while begin < taps:
+        wide = min(PACKED, 1 << (taps - begin - 1).bit_length())
+        pieces.append((begin, wide))
+        begin += wide
+    return pieces
 
 
 @cache
@@ -96,35 +99,46 @@ def scatter_operation(base: type[Any]) -> type[Any]:
         def eval(
             self,
             backend: Backend,
-            size: int,
-            packets: list[DrArray],
+            layout: tuple[int, int],
+            packets: list[tuple[DrArray, ...]],
             numbers: list[DrArray],
             active: DrArray,
             most: float | None,
         ) -> DrArray:
-            self.backend, self.size, self.numbers, self.active = backend, size, numbers, active
-            self.Packet = type(packets[0])
+            self.backend, self.layout, self.numbers, self.active = backend, layout, numbers, active
+            self.wide = [len(packet) for packet in packets]
             return self.summed(packets, self.moduli(packets) if most is None else most)
 
         def backward(self) -> None:
-            gather, slopes = self.backend.dr.gather, self.grad_out()
-            packets = [gather(self.Packet, slopes, number, self.active) for number in self.numbers]
-            self.set_grad_in("packets", packets)
+            copies, size = self.layout
+            dr, backend = self.backend.dr, self.backend
+            slopes = self.grad_out()
+            pixel = dr.arange(backend.Index, copies * size)
+            copy = pixel // dr.opaque(backend.Index, size)
+            at = pixel - copy * dr.opaque(backend.Index, size) + copy
+            spread = dr.gather(backend.Float, slopes, at, at < size)
+            kinds = {1: backend.Float, 2: backend.Pair, 4: backend.Packet}
+            out = []
+            for wide, number in zip(self.wide, self.numbers):
+                packet = dr.gather(kinds[wide], spread, number, self.active)
+                out.append((packet,) if wide == 1 else tuple(packet))
+            self.set_grad_in("packets", out)
 
         def forward(self) -> None:
             changes = self.grad_in("packets")
             self.set_grad_out(self.summed(changes, self.moduli(changes)))
 
-        def moduli(self, packets: list[DrArray]) -> float:
+        def moduli(self, packets: list[tuple[DrArray, ...]]) -> float:
             """Return the sum of the moduli of all summands."""
             dr = self.backend.dr
             of_ray = sum(dr.abs(number) for packet in packets for number in packet)
             return float(dr.sum(dr.select(self.active, of_ray, 0)).numpy()[0])
 
-        def summed(self, packets: list[DrArray], most: float) -> DrArray:
-            sums = OrderFreeSums(self.backend, self.size, most)
+        def summed(self, packets: list[tuple[DrArray, ...]], most: float) -> DrArray:
+            copies, size = self.layout
+            sums = OrderFreeSums(self.backend, copies * size, most)
             for packet, number in zip(packets, self.numbers):
-                sums.add(tuple(packet), number, self.active)
-            return sums.values()
+                sums.add(packet, number, self.active)
+            return sums.folded(copies)
 
     return Scattered

@@ -68,6 +68,8 @@ class Tracer:
         grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._begin(rays, grid)
+        if not proven:  # an optimiser's traces begin where light meets the path's own sags
+            self.landed()
 
     def with_rays(self, rays: Rays) -> Tracer:
         """Return the tracer of other rays along its path.  Its own are given one by one, too."""

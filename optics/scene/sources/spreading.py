@@ -115,8 +115,11 @@ def mirror_half(rays: Rays, axes: Sequence[int]) -> Rays:
         return rays
     each = len(rays.flux) // len(MIRRORS)
     kept = [k for k, signs in enumerate(MIRRORS) if all(signs[axis] > 0 for axis in axes)]
-    chosen = np.concatenate([np.arange(k * each, (k + 1) * each) for k in kept])
-    return Rays(rays.origin[:, chosen], rays.direction[:, chosen], rays.flux[chosen])
+
+    def half(values: Floats) -> Floats:
+        return np.concatenate([values[..., k * each : (k + 1) * each] for k in kept], axis=-1)
+
+    return Rays(half(rays.origin), half(rays.direction), half(rays.flux))
 
 
 def mirror_images(vectors: Floats) -> Floats:

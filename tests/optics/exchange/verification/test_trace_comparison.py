@@ -9,7 +9,7 @@ import pytest
 from optics.exchange.verification import RaysBehind
 from optics.exchange.verification.reference_tracer import lens_faces, through_faces
 from optics.exchange.verification.step_file import StepFile
-from optics.exchange.verification.trace_comparison import compared, light_checks
+from optics.exchange.verification.trace_comparison import compared, file_landing, light_checks
 from optics.light.tracing import Tracer
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
@@ -89,7 +89,8 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
     lens, path = system.lens, system.path(system.lens)
     write_step(lens, tmp_path / "lens.step")
     file = StepFile(tmp_path / "lens.step")
-    assert all(check.ok for check in light_checks(system, lens, file.solid, file, system.backend))
+    landing = file_landing(system, lens, file.solid, file)
+    assert all(check.ok for check in light_checks(system, lens, landing, system.backend))
     rays = single_rays(system.source.rays((101, 101)), lens)
     tracer = Tracer(system.backend, path, rays)
     _, landing = tracer.trace()
