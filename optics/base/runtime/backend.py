@@ -27,6 +27,7 @@ LEAST_ROOM = (
 ARRAY_TYPES = "drjit.llvm.ad"  # of the device, with derivatives: the one place that names it
 PACKET = 64  # numbers, more than any processor handles at once
 PACKED = 4  # numbers of `Backend.Packet`
+EXPANDED = 4 << 20  # sums, of which every thread has its own: above, threads wait for one another
 # by name: Dr.Jit's and numpy's type, resolution
 PRECISIONS: dict[str, tuple[str, type[np.floating], float]] = {
     "double": ("Float64", np.float64, 1e-10),
@@ -143,5 +144,6 @@ def load_backend(precision: str = "double", threads: int | None = 0) -> Backend:
         types = import_module(ARRAY_TYPES)
     if threads is not None:
         drjit.set_thread_count(threads or usable_cores())
+    drjit.set_expand_threshold(EXPANDED)
     name, dtype, resolution = PRECISIONS[precision]
     return Backend(drjit, getattr(types, name), types.UInt32, dtype, resolution)

@@ -113,3 +113,12 @@ def test_sums_of_single_precision_are_rounded_once():
     value = np.float32(0.1)
     found = summed(single, np.full((1 << 20, 1), value), np.zeros(1 << 20), 1, 2.0**20)
     assert found.values().numpy()[0] == np.float32(float(value) * 2**20)
+
+
+@pytest.mark.parametrize("copies", [1, 2, 4])
+def test_copies_that_begin_with_later_sums_add_up(backend, copies):
+    rng = np.random.default_rng(copies)
+    values = rng.integers(-8, 9, (copies, 7)).astype(float)
+    found = summed(backend, values.reshape(-1, 1), np.arange(values.size), values.size, 1e3).folded(copies)
+    wanted = sum(np.concatenate([np.zeros(k), row[: len(row) - k]]) for k, row in enumerate(values))
+    np.testing.assert_array_equal(found.numpy(), wanted)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, strategies as st
 
+from optics.base.runtime import load_backend
 from optics.light.intersections.ray_roots import conic_distance
 from optics.light.intersections.searched_intersections import SearchedHits
 from tests.cases import examples, slow_unless
@@ -233,3 +234,30 @@ def test_hits_outside_the_rectangle_are_misses_of_its_extension(backend):
     hits = met(backend, surface, origin, direction)
     np.testing.assert_array_equal(hits.hit.numpy(), [1, 1, 1, 0, 0, 1, 0, 0])
     assert hits.found.numpy().all()
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_a_search_that_begins_where_rays_met_before_finds_what_a_fresh_one_does(precision):
+    """Rays of the optimiser, which no proof leads: the last of Newton's steps begins within 0.5 um and ends
+    within the rounding of a coordinate."""
+    backend = load_backend(precision, None)
+    surface = rear(lambda space: 0.3 * rough(space))
+    origin, direction = grazing_rays(surface, 400, least=0.7)
+    e = surface.sag.space.embedding
+    rays = [[backend.array(a) for a in v] for v in (origin, direction)]
+    first, *others = (e.coefficients(k * surface.sag.coefficients) for k in (1.0, 1.02, 0.7, -0.5))
+
+    def search(proven):
+        return SearchedHits(backend, surface.conic, surface.outline, (e.kv_u, e.kv_v), proven)
+
+    near = search(False)
+    near.meet(*rays, first)
+    for net in others:
+        found, fresh = near.meet(*rays, net), search(True).meet(*rays, net)
+        hit = fresh.hit.numpy()
+        assert hit.sum() > 100
+        np.testing.assert_array_equal(found.hit.numpy(), hit)
+        for a, b in ((found.x, fresh.x), (found.y, fresh.y), (found.z, fresh.z)):
+            np.testing.assert_allclose(
+                a.numpy()[hit], b.numpy()[hit], rtol=0, atol=100 * HALF_WIDTH * np.finfo(backend.dtype).eps
+            )
