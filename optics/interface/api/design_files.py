@@ -129,7 +129,7 @@ class _Export:
         path: Path,
         traced: tuple[OpticalSystem, Lens] | None,
     ) -> None:
-        self.part, self._path = part, path
+        self.part, self._file = part, StepFile(path)
         self.left_out = [LEFT_OUT] if has_closed_form(part.made) else []
         ask = partial(solids.ask, "optics.exchange.verification")
         self._written: Future[list[Check]] = ask("export_step", part, problem.export.schema, path)
@@ -142,7 +142,7 @@ class _Export:
     def text_checks(self) -> list[Check]:
         """Return the checks of the file as written, and of its text, which is read as soon as it is."""
         written = self._written.result()
-        return [*written, *text_solid_checks(StepFile(self._path).text, self.part.made)]
+        return [*written, *text_solid_checks(self._file.text, self.part.made)]
 
 
 def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
@@ -186,17 +186,17 @@ def write_result(
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
+    # of an extended source it takes two seconds, and that process has nothing left to do
+    reached = lens, measurement.metrics
+    bound = solids.ask("optics.designing.etendue", "reached_sentences", system.plain, *reached)
     with system.backend.on_threads(usable_cores() - HELPERS):  # which are at work
         figures.draw_light(system, lens, measurement, system.backend)
         figures.photograph(system, lens, measurement.irradiance, system.backend)
         metrics = design.metrics
-        bound = figures.process.ask(
-            "optics.designing.etendue", "reached_sentences", system.plain, lens, metrics
-        )
         clock.lap("measure")
         product = answered(making, manufactured, system, lens)
         checks = _checks(design, product, export)
-        etendue = answered(bound, reached_sentences, system, lens, metrics)
+        etendue = answered(bound, reached_sentences, system, *reached)
         for sentence in etendue.limits:
             design.notes(sentence)
     writer.place_steps(export.files)

@@ -29,7 +29,6 @@ STEPS = (  # of a design that compute: module and function
     ("optics.interface.api.design_run", "shape_lens"),
     ("optics.interface.api.design_record", "_measured"),
     ("optics.interface.api.design_files", "_checks"),
-    ("optics.interface.api.design_files", "answered"),
     ("optics.interface.api.design_figures", "elements_sight"),
     ("optics.interface.api.design_figures", "photograph"),
     ("optics.interface.api.design_figures", "photo_caption"),
