@@ -30,7 +30,9 @@ class Splat:
         """Return the image as a flat Dr.Jit array, column by column (order "F"), with the screen's margin.
 
         Rays of a beam run along y first; so do the pixels, for the sake of the cache.  Pixels of a column
-        that lie side by side are added to in packets, several times as fast as one by one.
+        that lie side by side are added to in packets, several times as fast as one by one.  There are as many
+        copies of the pixels as a packet has numbers: the k-th begins with pixel k, so that in one of them
+        the ray's first pixel begins a packet.
 
         x, y : landing points, mm.  flux : W, zero for rays that do not arrive.
         """
@@ -88,9 +90,10 @@ def _pieces(taps: int) -> list[tuple[int, int]]:
 
 @cache
 def scatter_operation(base: type[Any]) -> type[Any]:
-    """Return the operation (backend, size, packets, numbers, active, most) -> sums.
+    """Return the operation (backend, (copies, size), packets, numbers, active, most) -> sums.
 
-    size : how many sums.  packets : of summands that are added side by side.
+    copies, size : of how many sums, see `OrderFreeSums.folded`.  packets : of one, two or four summands that
+        are added side by side.
     numbers : which of the packets of sums they are added to.  active : which rays add any.
     most : as of `OrderFreeSums`; None for the sum of the moduli of all summands.  base : dr.CustomOp.
     """
@@ -110,19 +113,19 @@ def scatter_operation(base: type[Any]) -> type[Any]:
             return self.summed(packets, self.moduli(packets) if most is None else most)
 
         def backward(self) -> None:
-            copies, size = self.layout
-            dr, backend = self.backend.dr, self.backend
-            slopes = self.grad_out()
-            pixel = dr.arange(backend.Index, copies * size)
-            copy = pixel // dr.opaque(backend.Index, size)
-            at = pixel - copy * dr.opaque(backend.Index, size) + copy
-            spread = dr.gather(backend.Float, slopes, at, at < size)
+            (copies, size), backend = self.layout, self.backend
+            dr, place = backend.dr, backend.dr.arange(backend.Index, copies * size)
+            copy = place // dr.opaque(backend.Index, size)
+            at = place - copy * dr.opaque(backend.Index, size) + copy
+            slopes = dr.gather(backend.Float, self.grad_out(), at, at < size)  # of all copies
             kinds = {1: backend.Float, 2: backend.Pair, 4: backend.Packet}
-            out = []
-            for wide, number in zip(self.wide, self.numbers):
-                packet = dr.gather(kinds[wide], spread, number, self.active)
-                out.append((packet,) if wide == 1 else tuple(packet))
-            self.set_grad_in("packets", out)
+            packets = [
+                dr.gather(kinds[wide], slopes, number, self.active)
+                for wide, number in zip(self.wide, self.numbers)
+            ]
+            self.set_grad_in(
+                "packets", [tuple(p) if wide > 1 else (p,) for p, wide in zip(packets, self.wide)]
+            )
 
         def forward(self) -> None:
             changes = self.grad_in("packets")
