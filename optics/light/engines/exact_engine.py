@@ -25,18 +25,18 @@ class DrawnRays:
     """Rays of a source for films.  The last sets are kept: drawing one takes as long as several traces."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[LightSource, Film, RayGrid | Rays, Sequence[int]]] = []
+        self._kept: list[tuple[LightSource, tuple[object, ...], RayGrid | Rays, Sequence[int]]] = []
 
     def __call__(self, source: LightSource, film: Film) -> tuple[RayGrid | Rays, Sequence[int]]:
         """Return the rays, and the directions in which they are one half of the light."""
-        for drawn_of, like, rays, axes in self._kept:
-            if drawn_of is source and like.has_rays_of(film):
+        for drawn_of, drawing, rays, axes in self._kept:
+            if drawn_of is source and drawing == film.drawing:
                 return rays, axes
         fresh, axes = None if film.fresh is None else np.random.default_rng(film.fresh), ()
         rays = source.rays(film.rays, fresh)
         if source.extended and isinstance(rays, Rays):
             rays, axes = mirror_half(rays, film.axes), film.axes
-        self._kept = [(source, film, rays, axes), *self._kept][:KEPT]
+        self._kept = [(source, film.drawing, rays, axes), *self._kept][:KEPT]
         return rays, axes
 
 

@@ -33,12 +33,10 @@ class Film:
     axes: Sequence[int] = ()
     fresh: tuple[int, ...] | None = None
 
-    def has_rays_of(self, other: Film) -> bool:
-        """Whether both are measured by the same rays, where these are no corners of cells."""
-        return (
-            all(tuple(a) == tuple(b) for a, b in ((self.rays, other.rays), (self.axes, other.axes)))
-            and self.fresh == other.fresh
-        )
+    @property
+    def drawing(self) -> tuple[object, ...]:
+        """What tells the rays of a source that measure it, where these are no corners of cells."""
+        return tuple(self.rays), tuple(self.axes), self.fresh
 
 
 class Light(Protocol):

@@ -101,7 +101,7 @@ class SearchedHits:
             if not self._outline.is_rectangle:
                 hit &= gauge(self._backend, self._outline, x, y) <= 1
             met = t, x, y, jet, hit, speed, resolved
-            if self._proven:
+            if self._proven:  # whose long kernel is slower together with others
                 dr.eval(met)
             else:
                 if self._first is None and self._table is not None:

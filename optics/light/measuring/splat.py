@@ -114,9 +114,9 @@ def scatter_operation(base: type[Any]) -> type[Any]:
 
         def backward(self) -> None:
             (copies, size), backend = self.layout, self.backend
-            dr, place = backend.dr, backend.dr.arange(backend.Index, copies * size)
-            copy = place // dr.opaque(backend.Index, size)
-            at = place - copy * dr.opaque(backend.Index, size) + copy
+            dr, apart = backend.dr, backend.dr.opaque(backend.Index, size)
+            place = dr.arange(backend.Index, copies * size)
+            at = place % apart + place // apart
             slopes = dr.gather(backend.Float, self.grad_out(), at, at < size)  # of all copies
             kinds = {1: backend.Float, 2: backend.Pair, 4: backend.Packet}
             packets = [

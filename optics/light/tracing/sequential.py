@@ -68,8 +68,8 @@ class Tracer:
         grid = rays if isinstance(rays, RayGrid) and stays_parallel(path) else None
         self._surfaces = [self._traced(k, grid if k == 1 else None) for k in range(len(path.surfaces))]
         self._begin(rays, grid)
-        if not proven:  # an optimiser's traces begin where light meets the path's own sags
-            self.landed()
+        if not proven and any(isinstance(hits, SearchedHits) for hits in self._changing):
+            self.landed()  # an optimiser's searches begin where light meets the path's own sags
 
     def with_rays(self, rays: Rays) -> Tracer:
         """Return the tracer of other rays along its path.  Its own are given one by one, too."""
