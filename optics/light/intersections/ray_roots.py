@@ -92,6 +92,45 @@ def last_root(
     return dr.while_loop(state, lambda active, *_: active, body)[3]
 
 
+def falling_root(
+    backend: Backend,
+    f: Callable[[DrArray], tuple[DrArray, DrArray]],
+    t: DrArray,
+    low: DrArray,
+    high: DrArray,
+    known: DrArray,
+    active: DrArray,
+    tolerance: DrArray,
+) -> tuple[DrArray, DrArray, DrArray, DrArray]:
+    """Return (t, bracket's ends, whether the search is not at an end) of a root at which f falls from low to
+    high.
+
+    Newton's method from t; a step that leaves the bracket is replaced by halving it, or by its end whose sign
+    was not seen yet.  The last step is the one after |f| < tolerance.
+
+    f : t -> (f, -f').  known : bit 0, f > 0 was seen at low; bit 1, f <= 0 at high.
+    """
+    dr = backend.dr
+
+    def step(
+        t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
+    ) -> State:
+        value, fall = f(t)
+        newton = t + value / fall  # not a number on a tangent ray
+        before = value > 0
+        low, high = dr.select(before, t, low), dr.select(before, high, t)
+        other = dr.select(before, high, low)  # the end of the bracket on the other side of the root
+        known = known | dr.select(before, 1, 2)
+        settled = dr.abs(value) < tolerance
+        halved = dr.select(known == 3, 0.5 * (t + other), other)
+        t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
+        return t, low, high, known, active & ~settled & (low < high), count + 1
+
+    state = t, low, high, known, active, dr.zeros(backend.Index, dr.width(t))
+    t, low, high, _, active, _ = dr.while_loop(state, lambda *s: s[4] & (s[5] < STEPS), step, mode="symbolic")
+    return t, low, high, active
+
+
 def conic_distance(
     backend: Backend, conic: Conic, origin: Sequence[DrArray], direction: Sequence[DrArray]
 ) -> DrArray:

@@ -9,9 +9,10 @@ from functools import partial
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
+from optics.light.intersections.box_bounds import Bounds, box_bounds, slope_bounds
 from optics.light.intersections.hits import Hits, Vector, gauge
-from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
-from optics.light.intersections.ray_roots import conic_distance, conic_jet
+from optics.light.intersections.proven_steps import Fall, first_fall, rounding_errors
+from optics.light.intersections.ray_roots import conic_distance, conic_jet, falling_root
 from optics.light.intersections.spline_table import PolynomialTable, PowerForm
 from thbcad.checks import Floats
 from thbcad.outlines import Outline
@@ -48,7 +49,6 @@ class SearchedHits:
     rectangle above the surface misses it then.  Without knots the surface is the conic alone.
     """
 
-    steps = 100
     settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last
     near = 0.005  # the same without `proven`, of the root of the resolution: the step makes about its square
 
@@ -101,13 +101,10 @@ class SearchedHits:
             if not self._outline.is_rectangle:
                 hit &= gauge(self._backend, self._outline, x, y) <= 1
             met = t, x, y, jet, hit, speed, resolved
-            if self._proven:  # whose long kernel is slower together with others
-                dr.eval(met)
-            else:
-                if self._first is None and self._table is not None:
-                    dr.eval(t)
-                    self._first = t
-                dr.schedule(met)  # with what first needs them, and kept
+            if self._first is None and self._table is not None and not self._proven:
+                dr.eval(t)
+                self._first = t
+            dr.schedule(met)  # with what first needs them, and kept
         if self._table is None and not dr.grad_enabled(origin, direction):
             z, zx, zy, *_ = jet
             return Hits(x=x, y=y, z=z, zx=zx, zy=zy, found=resolved, hit=hit, leaves=(), at=(x, y), dr=dr)
@@ -137,52 +134,41 @@ class SearchedHits:
         resolved : the search came to an end; with `proven`, with a proof.
         """
         dr = self._backend.dr
-        tolerance = self._settled * self._resolution(o)
-        low, high = first, last = self._span(o, d, self._backend.opaque(shape.top))
+        first, last = self._span(o, d, self._backend.opaque(shape.top))
         if self._first is not None and dr.width(self._first) == dr.width(first):
             t = self._first
         else:
             t = conic_distance(self._backend, self._conic, o, d)
+        above = first < last
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
-        known, count = (dr.zeros(self._backend.Index, dr.width(t)) for _ in range(2))
+        t = dr.select(above, t, 0)  # a number also for rays that are never above the rectangle
+        search = partial(falling_root, self._backend, partial(self._fall, shape, o, d))
+        tolerance, unknown = self._settled * self._resolution(o), dr.zeros(self._backend.Index, dr.width(t))
+        t, low, high, active = search(t, first, last, unknown, above, tolerance)
         resolved = dr.isfinite(sum(o) + sum(d))
         if self._proven and shape.sag is not None:
-            doubtful = self._may_meet_twice(shape, d) & (first < last)
+            steep = self._backend.opaque(shape.steepest * (1 + self._backend.resolution))
+            doubtful = above & (steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
+            if dr.any(doubtful):
+                bounds = slope_bounds(self._backend, self._conic, self._half_width, shape.sag.bounds)
+                met = doubtful & ~active & (low < high)
+                doubtful &= ~bounds.prove_first(
+                    lambda t: [a + t * b for a, b in zip(o, d)], d, (first, t), met, self._resolution(o)
+                )
+                dr.eval(t, active, doubtful)
             if dr.any(doubtful):
                 fall = self._first_fall(shape, o, d, (first, last), doubtful)
                 if self._backend.dtype is np.float64:
                     resolved &= fall.resolved | ~doubtful
-                known = dr.select(doubtful & (fall.low < fall.high), 1, known)
-                ends = (fall.low, low), (fall.high, high), (fall.low, t)
-                low, high, t = (dr.select(doubtful, proven, wide) for proven, wide in ends)
-        t = dr.select(first < last, t, 0)  # a number also for rays that are never above the rectangle
-
-        def step(
-            t: DrArray, low: DrArray, high: DrArray, known: DrArray, active: DrArray, count: DrArray
-        ) -> tuple[DrArray, ...]:
-            jet = shape.jet(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
-            residual = jet[0] - (o[2] + t * d[2])
-            newton = t + residual / (d[2] - jet[1] * d[0] - jet[2] * d[1])  # not a number on a tangent ray
-            before = residual > 0
-            low, high = dr.select(before, t, low), dr.select(before, high, t)
-            other = dr.select(before, high, low)  # the end of the bracket on the surface's side
-            known = known | dr.select(before, 1, 2)  # bit 0: f > 0 was seen at low, bit 1: f <= 0 at high
-            settled = dr.abs(residual) < tolerance
-            halved = dr.select(known == 3, 0.5 * (t + other), other)
-            t = dr.select((newton > low) & (newton < high), newton, dr.select(settled, t, halved))
-            return t, low, high, known, active & ~settled & (low < high), count + 1
-
-        state = t, low, high, known, first < last, count
-        t, _, _, _, active, _ = dr.while_loop(
-            state, lambda *s: s[4] & (s[5] < self.steps), step, mode="symbolic"
-        )
+                known = dr.select(fall.low < fall.high, 1, unknown)
+                found, _, _, searched = search(fall.low, fall.low, fall.high, known, doubtful, tolerance)
+                t, active = dr.select(doubtful, found, t), dr.select(doubtful, searched, active)
         return t, first, last, resolved & ~active
 
-    def _may_meet_twice(self, shape: _Shape, d: list[DrArray]) -> DrArray:
-        """Return the mask of rays that are flatter than the surface is steep."""
-        dr = self._backend.dr
-        steep = self._backend.opaque(shape.steepest * (1 + self._backend.resolution))
-        return steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2]
+    def _fall(self, shape: _Shape, o: list[DrArray], d: list[DrArray], t: DrArray) -> tuple[DrArray, DrArray]:
+        """Return f and -f' at a ray parameter."""
+        z, zx, zy, *_ = shape.jet(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+        return z - (o[2] + t * d[2]), d[2] - zx * d[0] - zy * d[1]
 
     def _first_fall(
         self,
@@ -195,7 +181,7 @@ class SearchedHits:
         """Return the first Fall of doubtful rays through the surface."""
         backend, sag = self._backend, shape.sag
         assert sag is not None
-        boxes = box_bounds(backend, self._conic, self._half_width, self._knots, sag.net)
+        boxes = box_bounds(backend, self._conic, self._half_width, sag.bounds)
         bounds = rounding_errors(backend, self._knots, sag.moduli, shape.steepest)
         fixed, per_length, slope_error = map(backend.opaque, bounds)
         errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
+from optics.light.intersections.box_bounds import Bounds, box_bounds, spline_bounds
 from optics.light.intersections.hits import DeviceRays, Vector
-from optics.light.intersections.proven_steps import Bounds, Fall, box_bounds, first_fall, rounding_errors
+from optics.light.intersections.proven_steps import Fall, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_jet
 from optics.light.intersections.spans import Cells, SpanFunctions, power_map
 from thbcad.checks import Floats
@@ -52,6 +53,11 @@ class PowerForm:
         """A bound of the slope in any direction."""
         along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self.knots, (self.net, self.net.T)))
         return float(np.hypot(along_x, along_y))
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, ...]:
+        """See `spline_bounds`."""
+        return spline_bounds(self.knots, self.net)
 
 
 # of the last splines: of a front and a rear, traced again and again
@@ -192,7 +198,7 @@ class PlacedSurface:
         self.cell = hx / 4, hy / 4
         if surface.sag is None:
             knots = [KnotVector.uniform(2, PLAIN, -h, h) for h in self.half_width]
-            self._prove(knots, np.zeros((PLAIN + 2, PLAIN + 2)), 0.0, 0.0)
+            self._prove(knots, spline_bounds(knots, np.zeros((PLAIN + 2, PLAIN + 2))), 0.0, 0.0)
             return
         sag = surface.sag.to_bspline()
         knots = [kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
@@ -202,12 +208,14 @@ class PlacedSurface:
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
         x, y = (max(np.diff(kv.breaks).min(), 2 * h * NARROWEST) for kv, h in zip(knots, self.half_width))
         self.cell = min(x, self.cell[0]), min(y, self.cell[1])
-        self._prove(knots, sag.coefficients, form.moduli, form.steepest)
+        self._prove(knots, form.bounds, form.moduli, form.steepest)
 
-    def _prove(self, knots: Sequence[KnotVector], net: Floats, moduli: float, steepest: float) -> None:
+    def _prove(
+        self, knots: Sequence[KnotVector], spline: Sequence[Floats], moduli: float, steepest: float
+    ) -> None:
         backend, conic, half = self.backend, self._conic, self.half_width
         slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1))) + steepest
-        self._boxes = box_bounds(backend, conic, half, knots, net)
+        self._boxes = box_bounds(backend, conic, half, spline)
         errors = *rounding_errors(backend, knots, moduli, float(slope)), max(half)
         self._errors = [*map(backend.opaque, errors)]
 

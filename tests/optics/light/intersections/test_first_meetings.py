@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import load_backend
-from optics.light.intersections.proven_steps import FINEST, ROOM, _finest_bounds
+from optics.light.intersections.box_bounds import FINEST, ROOM, spline_bounds, surface_bounds
 from optics.scene.sources import Rays
 from oracles.exact_meetings import ExactGraph
 from oracles.exact_rays import Quadric
@@ -118,7 +118,8 @@ def test_heights_and_second_derivatives_lie_within_their_bounds(conic, degree):
     knots = [KnotVector.clamped(degree, np.sort(rng.uniform(-h, h, 9)), -h, h) for h in half]  # of any width
     sag = THBSurface(THBSpace(*knots), rng.standard_normal(knots[0].dim * knots[1].dim))
     surface = FreeformSurface(half, conic, sag)
-    low, high = _finest_bounds(conic, half, knots, sag.space.embedding.coefficients(sag.coefficients), count)
+    net = sag.space.embedding.coefficients(sag.coefficients)
+    low, high = surface_bounds(conic, half, spline_bounds(knots, net, count))
     points = [rng.uniform(-h, h, 20_000) for h in half]
     place = [(p + h) / (2 * h) * count for p, h in zip(points, half)]
     turn = rng.uniform(0, 2 * np.pi, 20_000)

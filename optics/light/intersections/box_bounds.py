@@ -1,0 +1,257 @@
+"""Bounds of the derivatives and heights of a surface conic + spline on boxes, its rectangle cut evenly.
+
+Source: G. Farin, Curves and Surfaces for CAGD, chapters 5 and 8 (a spline lies between the coefficients that
+act on a box, and so do its derivatives).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from optics.base.runtime import PACKED, Backend, DrArray
+from thbcad.checks import Floats
+from thbcad.sags import Conic
+from thbcad.splines import KnotVector
+
+Bounds: TypeAlias = "tuple[DrArray, DrArray, DrArray, DrArray]"  # a, b, a step that height allows, X
+
+FINEST = 64  # boxes in each direction
+COARSER = 8  # times: the size of a coarse box
+ROOM = 2.0**-10  # of a box: bounds hold so far around it, so that a ray that leaves it gets on
+EPS = 2.0**-53
+ROUNDINGS = 64  # of a second difference
+ORDERS = (2, 0), (0, 2), (1, 1), (0, 0), (1, 0), (0, 1)  # of the derivatives that have bounds
+AROUND = 1  # box
+FALLS = 1 - 2.0**-10  # of a ray's rise, at most: the surface's, which then surely falls towards the ray
+
+
+@dataclass(frozen=True, eq=False)
+class BoxBounds:
+    """Bounds on the boxes of one size, and where a ray leaves its box.
+
+    low : packets (least z_xx, least z_yy, least z_xy, least z).  high : the greatest ones.
+    count : boxes in each direction.  per_length : boxes per mm.
+    """
+
+    backend: Backend
+    low: DrArray
+    high: DrArray
+    count: int
+    half_width: tuple[DrArray, DrArray]
+    per_length: tuple[DrArray, DrArray]
+
+    def along(
+        self,
+        point: Sequence[DrArray],
+        direction: Sequence[DrArray],
+        error: DrArray,
+        below: DrArray | bool = True,
+    ) -> Bounds:
+        """Return the Bounds along rays from points in the direction.
+
+        error : mm, of a height.  below : the ray is below the surface; else f is its height above it.
+        """
+        dr, axes = self.backend.dr, []
+        leave = dr.inf
+        for s, d, half, per in zip(point, direction, self.half_width, self.per_length):
+            position = (s + half) * per
+            box = box_of(self.backend, position, self.count)
+            edge = self.backend.Float(box) + dr.select(d > 0, 1 + ROOM, -ROOM)
+            moves = d != 0
+            to_edge = (edge - position) / dr.select(moves, d * per, 1)
+            leave = dr.minimum(leave, dr.select(moves, to_edge, dr.inf))
+            axes.append(box)
+        at = axes[0] * self.count + axes[1]
+        low, high = (dr.gather(self.backend.Packet, table, at) for table in (self.low, self.high))
+        dx, dy, dz = direction
+        xx, yy, xy = dx * dx, dy * dy, 2 * dx * dy
+        least = xx * low[0] + yy * low[1] + xy * dr.select(xy < 0, high[2], low[2])
+        greatest = xx * high[0] + yy * high[1] + xy * dr.select(xy < 0, low[2], high[2])
+        free = dr.select(dz > 0, (low[3] - point[2] - error) / dr.select(dz > 0, dz, 1), 0)
+        if below is True:
+            return least, greatest, free, leave
+        over = dr.select(dz < 0, (high[3] - point[2] + error) / dr.select(dz < 0, dz, 1), 0)
+        turned = (least, -greatest), (greatest, -least), (free, over)
+        return *(dr.select(below, a, b) for a, b in turned), leave
+
+
+@dataclass(frozen=True, eq=False)
+class SlopeBounds:
+    """Bounds of slopes and heights on all boxes that are at most AROUND boxes away from each box.
+
+    slopes : packets (least z_x, greatest z_x, least z_y, greatest z_y).  lowest : the least z.
+    count : boxes in each direction.  per_length : boxes per mm.
+    """
+
+    backend: Backend
+    slopes: DrArray
+    lowest: DrArray
+    count: int
+    half_width: tuple[DrArray, DrArray]
+    per_length: tuple[DrArray, DrArray]
+
+    def prove_first(
+        self,
+        at: Callable[[DrArray], Sequence[DrArray]],
+        direction: Sequence[DrArray],
+        interval: tuple[DrArray, DrArray],
+        active: DrArray,
+        error: DrArray,
+    ) -> DrArray:
+        """Return the mask of active rays that surely meet the surface nowhere before a meeting point.
+
+        From the point back to its start a ray is below the surface as far as it rises more steeply than the
+        surface does in its direction, and wherever it is lower than all of the surface around.
+
+        at : ray parameter -> point, z from the vertex.  interval : ray parameters of start and meeting point.
+        error : mm, of heights.
+        """
+        dr, (dx, dy, dz), first = self.backend.dr, direction, interval[0]
+        reach = AROUND / dr.maximum(*(dr.abs(d) * per for d, per in zip((dx, dy), self.per_length)))
+
+        def body(active: DrArray, t: DrArray) -> tuple[DrArray, DrArray]:
+            middle = dr.maximum(t - reach, first)
+            x, y, _ = at(middle)
+            axes = zip((x, y), self.half_width, self.per_length)
+            i, j = (box_of(self.backend, (s + half) * per, self.count) for s, half, per in axes)
+            x0, x1, y0, y1 = dr.gather(self.backend.Packet, self.slopes, i * self.count + j)
+            rises = dx * dr.select(dx > 0, x1, x0) + dy * dr.select(dy > 0, y1, y0)
+            lower = at(t)[2] + error < dr.gather(self.backend.Float, self.lowest, i * self.count + j)
+            proven = (rises < FALLS * dz) | lower
+            return active & proven & (middle > first), dr.select(proven, middle - reach, t)
+
+        state = active & (dz > 0), interval[1] + 0
+        _, t = dr.while_loop(state, lambda active, _: active, body, mode="symbolic")
+        return active & (t <= first)
+
+
+def box_of(backend: Backend, position: DrArray, count: int) -> DrArray:
+    """Return the index of the box, of `count` in a direction, that has a position, counted in boxes."""
+    return backend.Index(backend.dr.select(position > 0, backend.dr.minimum(position, count - 1), 0))
+
+
+def slope_bounds(
+    backend: Backend, conic: Conic, half_width: tuple[float, float], spline: Sequence[Floats]
+) -> SlopeBounds:
+    """Return the SlopeBounds of a surface conic + spline, of the spline's `spline_bounds`."""
+    low, high = surface_bounds(conic, half_width, spline)
+    least = np.stack([low[..., 4], -high[..., 4], low[..., 5], -high[..., 5], low[..., 3]], axis=-1)
+    count = len(low)
+    places = np.clip(np.arange(count) + np.arange(-AROUND, AROUND + 1)[:, None], 0, count - 1)
+    for axis in (0, 1):
+        least = least.take(places, axis).min(axis)
+    slopes, lowest = backend.array(least[..., :PACKED] * (1, -1, 1, -1)), backend.array(least[..., PACKED])
+    per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
+    return SlopeBounds(backend, slopes, lowest, count, tuple(map(backend.opaque, half_width)), per_length)
+
+
+def box_bounds(
+    backend: Backend, conic: Conic, half_width: tuple[float, float], spline: Sequence[Floats]
+) -> list[BoxBounds]:
+    """Return the BoxBounds of a surface conic + spline: of its whole rectangle, of coarse and fine boxes."""
+    tables = [t[..., :PACKED] for t in surface_bounds(conic, half_width, spline)]
+    half, finest = tuple(map(backend.opaque, half_width)), len(tables[0])
+    out = []
+    for count in sorted({1, max(1, finest // COARSER), finest}):
+        k = finest // count
+        low, high = (
+            backend.array(extreme(t.reshape(count, k, count, k, PACKED), axis=(1, 3)))
+            for extreme, t in zip((np.min, np.max), tables)
+        )
+        per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
+        out.append(BoxBounds(backend, low, high, count, half, per_length))
+    return out
+
+
+def surface_bounds(
+    conic: Conic, half_width: tuple[float, float], spline: Sequence[Floats]
+) -> tuple[Floats, ...]:
+    """Return the `spline_bounds` of conic + spline.
+
+    The second derivative of the conic is bounded in all directions at once, as part of z_xx and z_yy.
+    """
+    bends, *others = _conic_bounds(conic, half_width, len(spline[0]))
+    conics = np.stack([bends, bends, np.zeros_like(bends), *others], axis=-1)
+    return tuple(a + b for a, b in zip(spline, conics))
+
+
+def spline_bounds(knots: Sequence[KnotVector], net: Floats, count: int | None = None) -> tuple[Floats, ...]:
+    """Return the least and the greatest derivatives ORDERS of a spline on count x count boxes, (count, count,
+    6) each.
+
+    count : None is a power of two, about as many as there are cells.
+    """
+    count = count or int(min(FINEST, 2 ** np.ceil(np.log2(max(kv.spans for kv in knots)))))
+    tables = tuple(np.empty((count, count, len(ORDERS))) for _ in range(2))
+    rates = [2 * kv.degree / np.diff(kv.breaks).min() for kv in knots]
+    for k, orders in enumerate(ORDERS):
+        derived = _derivative(knots[1], _derivative(knots[0], net, orders[0]).T, orders[1]).T
+        room = ROUNDINGS * EPS * float(np.abs(net).max()) * rates[0] ** orders[0] * rates[1] ** orders[1]
+        for table, extreme, away in zip(tables, (np.minimum, np.maximum), (-room, room)):
+            along_x = _over_boxes(knots[0], derived, orders[0], count, extreme)
+            table[..., k] = _over_boxes(knots[1], along_x.T, orders[1], count, extreme).T + away
+    return tables
+
+
+def _derivative(kv: KnotVector, net: Floats, order: int) -> Floats:
+    """Return the coefficients of a derivative by the first axis, p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1)).
+
+    They are infinite at a kink.
+    """
+    for done in range(order):
+        p, knots = kv.degree - done, kv.knots[done + 1 : len(kv.knots) - done - 1]
+        widths, change = (knots[p:] - knots[:-p])[:, None], p * np.diff(net, axis=0)
+        net = np.divide(change, widths, out=np.where(change > 0, np.inf, -np.inf), where=widths > 0)
+        net[(change == 0) & (widths == 0)] = 0.0
+    return net
+
+
+def _over_boxes(kv: KnotVector, net: Floats, order: int, count: int, extreme: np.ufunc) -> Floats:
+    """Return the extremes of the coefficients of a derivative that act on each of `count` intervals."""
+    low, high = _intervals(kv.breaks[-1], count)
+    span = (np.clip(np.searchsorted(kv.breaks, s) - 1, 0, kv.spans - 1) for s in (low, high))
+    first, last = (np.searchsorted(kv.knots, kv.breaks[s], "right") - 1 for s in span)
+    first, last = first - kv.degree, last - order
+    out = net[first]
+    for k in range(1, int((last - first).max()) + 1):
+        out = extreme(out, net[np.minimum(first + k, last)])
+    return out
+
+
+def _intervals(half_width: float, count: int) -> tuple[Floats, Floats]:
+    """Return the ends of equal intervals that make up [-half_width, half_width], each widened by its room."""
+    ends = np.linspace(-half_width, half_width, count + 1)
+    room = 2 * ROOM * (ends[1] - ends[0])
+    return np.maximum(ends[:-1] - room, -half_width), np.minimum(ends[1:] + room, half_width)
+
+
+def _conic_bounds(conic: Conic, half_width: tuple[float, float], count: int) -> list[Floats]:
+    """Return the least and greatest second derivative in any direction, height, z_x and z_y, (2, count,
+    count) each.
+
+    The second derivatives of z(r) have the eigenvalues z' / r = c i and z'' = c i^3 with
+    i = (1 - (1 + K) c^2 r^2)^(-1/2), which is monotone in r; z_x is c i x.
+    """
+    near, far = np.zeros((count, count)), np.zeros((count, count))
+    sides = []
+    for h, shape in zip(half_width, ((-1, 1), (1, -1))):
+        low, high = (side.reshape(shape) for side in _intervals(h, count))
+        across = np.where(low * high < 0, 0.0, np.minimum(abs(low), abs(high)))
+        near, far = near + across**2, far + np.maximum(-low, high) ** 2
+        sides.append((low, high))
+    c = 1 / conic.radius
+    inverse = [1 / np.sqrt(1 - (1 + conic.constant) * c * c * r2) for r2 in (near, far)]
+    bends = [c * i**k for i in inverse for k in (1, 3)]
+    heights = [c * r2 / (1 + 1 / i) for r2, i in zip((near, far), inverse)]
+    slopes = ([c * i * side for i in inverse for side in ends] for ends in sides)
+    return [_outward(np.array(values)) for values in (bends, heights, *slopes)]
+
+
+def _outward(values: Floats) -> Floats:
+    """Return (least, greatest) of values, with room for their rounding."""
+    room = ROUNDINGS * EPS * abs(values).max(axis=0)
+    return np.array([values.min(axis=0) - room, values.max(axis=0) + room])
