@@ -26,7 +26,7 @@ EPS = 2.0**-53
 ROUNDINGS = 64  # of a second difference
 ORDERS = (2, 0), (0, 2), (1, 1), (0, 0), (1, 0), (0, 1)  # of the derivatives that have bounds
 AROUND = 1  # box
-FALLS = 1 - 2.0**-10  # of a ray's rise, at most: the surface's, which then surely falls towards the ray
+STEEPER = 2.0**-10  # of a ray's rise, at least: by so much it differs from the surface's, against rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +83,13 @@ class BoxBounds:
 class SlopeBounds:
     """Bounds of slopes and heights on all boxes that are at most AROUND boxes away from each box.
 
-    slopes : packets (least z_x, greatest z_x, least z_y, greatest z_y).  lowest : the least z.
+    slopes : packets (least z_x, greatest z_x, least z_y, greatest z_y).  heights : pairs, of z.
     count : boxes in each direction.  per_length : boxes per mm.
     """
 
     backend: Backend
     slopes: DrArray
-    lowest: DrArray
+    heights: DrArray
     count: int
     half_width: tuple[DrArray, DrArray]
     per_length: tuple[DrArray, DrArray]
@@ -101,6 +101,7 @@ class SlopeBounds:
         interval: tuple[DrArray, DrArray],
         active: DrArray,
         error: DrArray,
+        below: DrArray | bool = True,
     ) -> DrArray:
         """Return the mask of active rays that surely meet the surface nowhere before a meeting point.
 
@@ -108,24 +109,29 @@ class SlopeBounds:
         surface does in its direction, and wherever it is lower than all of the surface around.
 
         at : ray parameter -> point, z from the vertex.  interval : ray parameters of start and meeting point.
-        error : mm, of heights.
+        error : mm, of heights.  below : the ray comes from below the surface, else from above it.
         """
         dr, (dx, dy, dz), first = self.backend.dr, direction, interval[0]
         reach = AROUND / dr.maximum(*(dr.abs(d) * per for d, per in zip((dx, dy), self.per_length)))
+        side = dr.select(below, self.backend.Float(1), -1)
+        towards = side * dx > 0, side * dy > 0
+        slack = STEEPER * dr.abs(dz)
 
         def body(active: DrArray, t: DrArray) -> tuple[DrArray, DrArray]:
             middle = dr.maximum(t - reach, first)
-            x, y, _ = at(middle)
+            x, y, z = at(middle)
             axes = zip((x, y), self.half_width, self.per_length)
             i, j = (box_of(self.backend, (s + half) * per, self.count) for s, half, per in axes)
-            x0, x1, y0, y1 = dr.gather(self.backend.Packet, self.slopes, i * self.count + j)
-            rises = dx * dr.select(dx > 0, x1, x0) + dy * dr.select(dy > 0, y1, y0)
-            lower = at(t)[2] + error < dr.gather(self.backend.Float, self.lowest, i * self.count + j)
-            proven = (rises < FALLS * dz) | lower
+            box = i * self.count + j
+            x0, x1, y0, y1 = dr.gather(self.backend.Packet, self.slopes, box)
+            low, high = dr.gather(self.backend.Pair, self.heights, box)
+            rise = dx * dr.select(towards[0], x1, x0) + dy * dr.select(towards[1], y1, y0)
+            falls = side * (rise - dz) < -slack
+            apart = dr.select(below, low - z, z - high) > error + dr.abs(dz) * (t - middle)
+            proven = falls | apart
             return active & proven & (middle > first), dr.select(proven, middle - reach, t)
 
-        state = active & (dz > 0), interval[1] + 0
-        _, t = dr.while_loop(state, lambda active, _: active, body, mode="symbolic")
+        _, t = dr.while_loop((active, interval[1] + 0), lambda active, _: active, body, mode="symbolic")
         return active & (t <= first)
 
 
@@ -139,14 +145,15 @@ def slope_bounds(
 ) -> SlopeBounds:
     """Return the SlopeBounds of a surface conic + spline, of the spline's `spline_bounds`."""
     low, high = surface_bounds(conic, half_width, spline)
-    least = np.stack([low[..., 4], -high[..., 4], low[..., 5], -high[..., 5], low[..., 3]], axis=-1)
-    count = len(low)
+    least, count = np.concatenate([low[..., 3:], -high[..., 3:]], axis=-1), len(low)
     places = np.clip(np.arange(count) + np.arange(-AROUND, AROUND + 1)[:, None], 0, count - 1)
     for axis in (0, 1):
         least = least.take(places, axis).min(axis)
-    slopes, lowest = backend.array(least[..., :PACKED] * (1, -1, 1, -1)), backend.array(least[..., PACKED])
+    z0, x0, y0, *greatest = np.moveaxis(least, -1, 0)
+    z1, x1, y1 = (-a for a in greatest)
+    slopes, heights = (backend.array(np.stack(rows, axis=-1)) for rows in ((x0, x1, y0, y1), (z0, z1)))
     per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
-    return SlopeBounds(backend, slopes, lowest, count, tuple(map(backend.opaque, half_width)), per_length)
+    return SlopeBounds(backend, slopes, heights, count, tuple(map(backend.opaque, half_width)), per_length)
 
 
 def box_bounds(

@@ -187,10 +187,9 @@ class SearchedHits:
         errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
 
         def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
-            x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
-            z, (height, zx, zy, *_) = o[2] + t * d[2], shape.jet(x, y)
-            within = [box.along((x, y, z), d, errors[0]) for box in boxes]
-            return height - z, zx * d[0] + zy * d[1] - d[2], within
+            value, fall = self._fall(shape, o, d, t)
+            point = *self._clip(o[0] + t * d[0], o[1] + t * d[1]), o[2] + t * d[2]
+            return value, -fall, [box.along(point, d, errors[0]) for box in boxes]
 
         return first_fall(backend, along, interval, doubtful, errors, doubtful & False)
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
-from optics.light.intersections.box_bounds import Bounds, box_bounds, spline_bounds
+from optics.light.intersections.box_bounds import Bounds, box_bounds, slope_bounds, spline_bounds
 from optics.light.intersections.hits import DeviceRays, Vector
 from optics.light.intersections.proven_steps import Fall, first_fall, rounding_errors
-from optics.light.intersections.ray_roots import conic_jet
+from optics.light.intersections.ray_roots import conic_jet, falling_root
 from optics.light.intersections.spans import Cells, SpanFunctions, power_map
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
@@ -27,6 +27,7 @@ from thbcad.splines import KnotVector
 PLAIN = 16  # cells across a conic without a sag, on which its second derivative is bounded
 NARROWEST = 1 / 1024  # of the width: narrower cells are not sampled one by one
 AT_ONCE = 4096  # cells, whose coefficients stay in the processor's memory
+NEAR = 2.0**-40  # of the half-width: so near to a meeting point a proven fall begins and ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +192,7 @@ class PlacedSurface:
     def __init__(self, backend: Backend, surface: FreeformSurface, vertex: float) -> None:
         self.backend, self.half_width = backend, surface.half_width
         self._conic, self._table = surface.conic, None
+        self._net, self._height = np.zeros((1, 1)), vertex
         self._vertex = backend.opaque(vertex)
         corner = float(surface.conic(*surface.half_width))
         self.low, self.high = vertex + min(corner, 0.0), vertex + max(corner, 0.0)
@@ -203,6 +205,7 @@ class PlacedSurface:
         sag = surface.sag.to_bspline()
         knots = [kv.rescale(-h, h) for kv, h in zip((sag.kv_u, sag.kv_v), self.half_width)]
         self._table = PolynomialTable(backend, knots)
+        self._net = sag.coefficients
         form = self._table.form(sag.coefficients)
         self._power = backend.Float(form.table)
         self.low, self.high = self.low + sag.coefficients.min(), self.high + sag.coefficients.max()
@@ -216,8 +219,17 @@ class PlacedSurface:
         backend, conic, half = self.backend, self._conic, self.half_width
         slope = np.hypot(conic(*half, (1, 0)), conic(*half, (0, 1))) + steepest
         self._boxes = box_bounds(backend, conic, half, spline)
+        self._slopes = slope_bounds(backend, conic, half, spline)
+        self._near = backend.opaque(NEAR * max(half))
         errors = *rounding_errors(backend, knots, moduli, float(slope)), max(half)
         self._errors = [*map(backend.opaque, errors)]
+
+    def rim_heights(self, axis: int, end: int) -> tuple[float, float]:
+        """Return bounds of z on the rim on the side of an axis, of its first end (0) or its last (-1)."""
+        nearest = np.where(np.arange(2) == axis, self.half_width, 0.0)
+        conic = [float(self._conic(*at)) for at in (nearest, self.half_width)]  # in r it is monotone
+        sag = self._net.take(end, axis)
+        return self._height + min(conic) + sag.min(), self._height + max(conic) + sag.max()
 
     def jet(self, x: DrArray, y: DrArray) -> Vector:
         """Return z, zx, zy."""
@@ -244,11 +256,28 @@ class PlacedSurface:
         error = fixed + per_length * (size + sum(dr.abs(a) for a in rays.origin))
         sign = dr.select(below, self.backend.Float(1), -1)
 
-        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+        def at(t: DrArray) -> Vector:
+            x, y, z = rays.at(t)
+            return x, y, z - self._vertex
+
+        def f(t: DrArray) -> tuple[DrArray, DrArray]:
             x, y, z = rays.at(t)
             height, zx, zy = self.jet(x, y)
-            point = x, y, z - self._vertex
-            bounds = [box.along(point, d, error, below) for box in self._boxes]
-            return sign * (height - z), sign * (zx * d[0] + zy * d[1] - d[2]), bounds
+            return sign * (height - z), sign * (d[2] - zx * d[0] - zy * d[1])
 
-        return first_fall(self.backend, along, interval, active, (error, slope_error), on)
+        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+            value, fall = f(t)
+            return value, -fall, [box.along(at(t), d, error, below) for box in self._boxes]
+
+        start, stop = interval
+        x, y, z = rays.at(start)
+        t = start + (self.jet(x, y)[0] - z) / d[2]
+        t = dr.select((t > start) & (t < stop), t, 0.5 * (start + stop))
+        unknown = dr.zeros(self.backend.Index, dr.width(t))
+        t, low, high, searched = falling_root(self.backend, f, t, start, stop, unknown, active, self._near)
+        met = active & ~searched & (low < high)
+        met = self._slopes.prove_first(at, d, (start, t), met, error, below)
+        fall = first_fall(self.backend, along, interval, active & ~met, (error, slope_error), on)
+        low = dr.select(met, dr.maximum(t - self._near, start), fall.low)
+        high = dr.select(met, dr.minimum(t + self._near, stop), fall.high)
+        return Fall(low, high, fall.resolved | met)

@@ -7,6 +7,7 @@ rounded, one ruled wall joins the rims.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from thbcad.lens import Lens
 from thbcad.outlines import Outline
 
 RIM = 1e-12  # of the lens's size: faces reach this far over their rims, so that no gap opens between them
+ROOM = 1e-6  # of the lens's size: room in z above and below a face
 WALL = 1e-9  # of the lens's size: rims whose half-widths differ by less are joined by a wall
 
 
@@ -126,13 +128,23 @@ class _Edge:
         z, zx, zy = self.surfaces[which].jet(*((along, across) if self.axis == 0 else (across, along)))
         return (z, zy) if self.axis == 0 else (z, zx)
 
-    def plan(self) -> list[list[float]]:
-        """Return the rows of the domain that bound x and y."""
+    def domain(self, size: float) -> Floats:
+        """Return the domain: bounds of x and y, and of z the planes through the lowest and the highest points
+        of either rim."""
         (a_front, a_rear), (b_front, b_rear) = self.along, self.across
-        grows, rate = np.sign(a_rear - a_front), (b_rear - b_front) / (a_rear - a_front)
-        rows = [[grows, 0, -grows * a_front], [-grows, 0, grows * a_rear]]
-        rows += [[rate, side, b_front - rate * a_front] for side in (1, -1)]
-        return [[self.sign * a, b, 0, e] if self.axis == 0 else [b, self.sign * a, 0, e] for a, b, e in rows]
+        da, db = a_rear - a_front, b_rear - b_front
+        grows, rate = np.sign(da), db / da
+        rows = [[grows, 0, 0, -grows * a_front], [-grows, 0, 0, grows * a_rear]]
+        rows += [[rate, side, 0, b_front - rate * a_front] for side in (1, -1)]
+        end = 0 if self.sign < 0 else -1
+        heights = zip(*(s.rim_heights(self.axis, end) for s in self.surfaces))
+        for up, (front, rear) in zip((1, -1), heights):
+            climb = (rear - front) / da
+            rows.append([-up * climb, 0, up, up * (climb * a_front - front)])
+        own = [
+            [self.sign * a, b, c, e] if self.axis == 0 else [b, self.sign * a, c, e] for a, b, c, e in rows
+        ]
+        return _domain(own, size)
 
 
 def surface_face(
@@ -150,27 +162,23 @@ def surface_face(
     else:
         (cx, cy), more = outline.corners, RIM * size
         plan, rounded = [], Outline((hx + more, hy + more), (cx + more, cy + more))
-    domain = _domain(plan, surface.low, surface.high, size)
+    domain = _domain([*plan, [0, 0, 1, -surface.low], [0, 0, -1, surface.high]], size)
     return GraphFace(backend, surface.jet, outward, domain, surface.cell, size, surface, rounded, trim)
 
 
 def _edge_face(edge: _Edge, size: float) -> GraphFace:
     step = edge.along[1] - edge.along[0]
-    low, high = min(s.low for s in edge.surfaces), max(s.high for s in edge.surfaces)
     across = min(edge.across) * min(
         s.cell[1 - edge.axis] / s.half_width[1 - edge.axis] for s in edge.surfaces
     )
     cell = (abs(step) / 2, across) if edge.axis == 0 else (across, abs(step) / 2)
     # where the rear is wider, air lies before the edge, else behind it
-    return GraphFace(
-        edge.backend, edge.height, -float(np.sign(step)), _domain(edge.plan(), low, high, size), cell, size
-    )
+    return GraphFace(edge.backend, edge.height, -float(np.sign(step)), edge.domain(size), cell, size)
 
 
-def _domain(plan: list[list[float]], low: float, high: float, size: float) -> Floats:
-    """Return unit rows that bound the plan, widened by RIM, and z, with room to spare."""
-    room = 1e-6 * size
-    rows = np.array([*plan, [0, 0, 1, room - low], [0, 0, -1, high + room]], dtype=float)
-    rows /= np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
-    rows[: len(plan), 3] += RIM * size
-    return rows
+def _domain(rows: Sequence[Sequence[float]], size: float) -> Floats:
+    """Return unit rows; those that bound the plan are widened by RIM, those that bound z by ROOM."""
+    domain = np.array(rows, dtype=float)
+    domain /= np.linalg.norm(domain[:, :3], axis=1, keepdims=True)
+    domain[:, 3] += size * np.where(domain[:, 2] == 0, RIM, ROOM)
+    return domain

@@ -38,6 +38,7 @@ from thbcad.moulds import Made, Solid
 from thbcad.outlines import Outline
 
 BOUNCES = 64  # the most faces that a branch meets
+FEW = 6  # faces, after which few branches are left
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,7 @@ def trace_nonsequential(
     threshold : of a branch's flux, relative to its source ray.  Both drop branches as `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
+        Past FEW faces the threshold doubles at each: the last branches are soon gone.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens, target.coats)
@@ -163,7 +165,7 @@ def trace_nonsequential(
             account.add(branches[weak], FATES.index("trapped"))
             branches = branches[~weak]
         else:
-            branches = branches.survivors(least, roulette)
+            branches = branches.survivors(2.0 ** max(0, generation - FEW) * least, roulette)
         if not len(branches.ray):
             break
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))

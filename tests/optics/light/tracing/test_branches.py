@@ -1,12 +1,20 @@
-"""What light meets first in the closed lens, where its front is rough."""
+"""What light meets first in the closed lens, and for how long its branches are followed."""
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
 
 from optics.light.tracing.branches import FRONT, UNDECIDED, Branches, ClosedLens
+from optics.light.tracing.lens_faces import lens_faces
+from optics.light.tracing.nonsequential import trace_nonsequential
 from oracles.first_meetings import MEETS, first_meetings
 from oracles.rough_fronts import SAME, SOURCES, rough_front
+from tests.cases import examples
+from tests.optics.light.tracing.cases import lambertian
+from tests.optics.light.tracing.test_nonsequential import FAR, dome_lens
+from tests.thbcad.cases import lenses
 from thbcad import FreeformSurface, Lens
+from thbcad.lens import SIDES, placed_surfaces, rim, ruled_edge
 
 
 @pytest.mark.parametrize("name", ["point source", "oblique rays"])
@@ -25,3 +33,38 @@ def test_with_all_reflections_a_rough_front_is_met_first_where_it_is(backend, na
     path = ((meetings.point - rays.origin) * rays.direction).sum(axis=0)[meets]
     assert (path >= found.low[meets] - SAME).all()
     assert (path <= found.high[meets] + SAME).all()
+
+
+@examples(20)
+@given(lenses())
+def test_slanted_edges_lie_within_their_domains(backend, lens):
+    """And closely: between planes through the lowest and the highest points of the rims."""
+    assume(all(a != b for a, b in zip(lens.front.half_width, lens.rear.half_width)))
+    surfaces = placed_surfaces(lens)
+    for side, face in zip([SIDES[k] for k in (1, 3, 2, 0)], lens_faces(backend, lens)[2:]):
+        edge = ruled_edge(surfaces, side)
+        along = (np.linspace(kv.start, kv.stop, 15) for kv in (edge.kv_u, edge.kv_v))
+        points = edge(*np.meshgrid(*along)).reshape(-1, 3)
+        rows = face.domain @ np.column_stack([points, np.ones(len(points))]).T
+        assert rows.min() >= 0
+        rise = max(np.ptp(rim(surface, side)[1][:, 2]) for surface in surfaces)
+        assert (rows[-2:].sum(axis=0) <= rise + 1e-5 * face.size).all()
+
+
+def test_the_roulette_ends_branches_soon_and_keeps_their_flux(backend, monkeypatch):
+    generations, meet = [], ClosedLens.meet
+    monkeypatch.setattr(ClosedLens, "meet", lambda *a: generations.append(len(a[1].ray)) or meet(*a))
+    lens, rays = dome_lens(3), lambertian(20_000, half_width=1.0, z=-1.0)
+    exact = trace_nonsequential(backend, lens, rays, FAR, threshold=1e-6).by_ray.sum(axis=1)
+    followed, generations[:] = len(generations), []
+    drawn = np.array(
+        [
+            trace_nonsequential(
+                backend, lens, rays, FAR, threshold=0.2, roulette=np.random.default_rng(seed)
+            ).by_ray.sum(axis=1)
+            for seed in range(8)
+        ]
+    )
+    error = drawn.std(axis=0, ddof=1) / np.sqrt(len(drawn))
+    assert (abs(drawn.mean(axis=0) - exact) <= 4 * error + 1e-5).all()
+    assert len(generations) / len(drawn) < 20 < followed
