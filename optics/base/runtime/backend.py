@@ -66,10 +66,10 @@ class Backend:
         """Array type of two numbers side by side in memory."""
         return self.types.Array2f64 if self.dtype is np.float64 else self.types.Array2f
 
-    def doubled(self) -> Backend:
-        """Return the same backend with numbers of double precision."""
-        _, dtype, resolution = PRECISIONS["double"]
-        return replace(self, Float=self.types.Float64, dtype=dtype, resolution=resolution)
+    def with_precision(self, precision: str) -> Backend:
+        """Return the same backend with numbers of another precision, a name out of PRECISIONS."""
+        name, dtype, resolution = PRECISIONS[precision]
+        return replace(self, Float=getattr(self.types, name), dtype=dtype, resolution=resolution)
 
     def array(self, values: ArrayLike) -> DrArray:
         """Return numbers as a flat Dr.Jit array."""

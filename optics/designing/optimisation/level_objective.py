@@ -139,7 +139,7 @@ def background(
     follows = sag is not None and film.window is not None and not system.blurred
     if not (system.by_edges and (follows or fixed)):
         return None
-    other = nonsequential_light(system, lens, film.screen, backend, REPLICATES)
+    other = nonsequential_light(system, lens, film.screen, backend.with_precision("double"), REPLICATES)
     if other.negligible:
         return None
     image = with_mirror_images(other.light.irradiance, film.axes) / 2 ** len(film.axes)

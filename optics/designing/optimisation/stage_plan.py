@@ -40,9 +40,10 @@ MARKING_PER_RAY = 2.2e-7
 # to 0.189 of five seeds with two, 0.189 and 0.195 of two seeds with one, 0.187 and 0.193 with four)
 SEEING = 2
 BACKGROUND = 2.0  # of a stage that measures the light by other ways
-# of a finish's steps, after light by other ways was seen again, which follows the rear only: of the steps in
-# one piece by a free front rel_l2 was 0.1196, with a quarter behind another look 0.1132 (extended_two.toml,
-# seed 1; in three or four pieces 0.1138, 0.1133)
+# of a finish's steps, after light by other ways was seen again, which follows the rear but no edges.  Of 140
+# steps in one piece rel_l2 was 0.210, with a quarter behind another look 0.188, with half 0.193
+# (extended.toml); of 40 with a free front too 0.1196 and 0.1132 (extended_two.toml, seed 1; in three or four
+# pieces 0.1138, 0.1133)
 SEEN_AGAIN = 0.25
 
 
@@ -183,14 +184,14 @@ def _seeing_other_ways(plan: Sequence[Stage]) -> list[Stage]:
 def _finish(system: OpticalSystem, level: int) -> list[Stage]:
     """Return the last pass: as many rays as unmerged pixels ask for, on merged ones where light is not exact.
 
-    Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light by other
-    ways changes with several free surfaces.
+    Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light comes
+    by other ways.
     """
     options = system.problem.optimizer
     stage = _stage(system, level, options.finish, 1, True)
     screen = stage.screen if stage.exact else system.target.screen(options.merge, MARGIN)
     finish = replace(stage, screen=screen, finish=True, other_ways=True)
-    late = 0 if len(system.freeforms) == 1 else round(SEEN_AGAIN * options.finish)
+    late = round(SEEN_AGAIN * options.finish) if system.by_edges and not stage.exact else 0
     if not late:
         return [finish]
     return [replace(finish, iterations=options.finish - late), replace(finish, iterations=late, again=True)]

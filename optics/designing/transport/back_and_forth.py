@@ -63,7 +63,7 @@ def transport_map(
     aspect : width / height of the scaled rectangle, sqrt(ax bx / (ay by)) for half-widths a of
         the source and b of the target.
     """
-    backend = backend.doubled()
+    backend = backend.with_precision("double")
     grids = [shape]
     while min(grids[0]) >= 2 * COARSE:
         nx, ny = grids[0]

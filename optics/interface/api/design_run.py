@@ -73,7 +73,8 @@ def designed(
     system, backend = ready.system, ready.backend
     for sentence in advice(system):
         notes(sentence)
-    traced, chosen = shaping_by(engine, system, backend)
+    single = backend.with_precision("single") if system.problem.run.precision == "mixed" else None
+    traced, chosen = shaping_by(engine, system, backend, of_drawn=single)
     mapped = state.started_from_transport if state else system.problem.optimizer.start == "transport"
     clock.progress.planned(Size.of(system), stages(traced, mapped))
     clock.lap("setup")

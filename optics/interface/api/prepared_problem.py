@@ -30,7 +30,7 @@ def prepared(system: OpticalSystem) -> Prepared:
     Raises UserError : no usable LLVM library.
     """
     run = system.problem.run
-    backend = load_backend(run.precision, run.threads)
+    backend = load_backend("single" if run.precision == "single" else "double", run.threads)
     system, start = resolved(system, backend)
     return Prepared(system, backend, start)
 
@@ -46,8 +46,12 @@ def require_engine(system: OpticalSystem) -> None:
         require_meshable(system)
 
 
-def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backend) -> Engine:
+def engine_of(
+    engine: str | Engine | None, system: OpticalSystem, backend: Backend, of_drawn: Backend | None = None
+) -> Engine:
     """Return an engine by its name, or as it is; None is the problem's own.
+
+    of_drawn : as of `ExactEngine`.
 
     Raises UserError : an unknown name, or an engine that is not installed.
     """
@@ -60,14 +64,14 @@ def engine_of(engine: str | Engine | None, system: OpticalSystem, backend: Backe
     if engine not in ENGINES:
         raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")
     if engine == "exact":
-        return ExactEngine(backend)
+        return ExactEngine(backend, of_drawn=of_drawn)
     from optics.exchange.mitsuba import mitsuba_engine  # few designs ask
 
     return mitsuba_engine(engine, system.problem.run.threads)
 
 
 def shaping_by(
-    engine: str | Engine | None, system: OpticalSystem, backend: Backend
+    engine: str | Engine | None, system: OpticalSystem, backend: Backend, of_drawn: Backend | None = None
 ) -> tuple[OpticalSystem, Engine]:
     """Return the system whose light a design traces, and the engine that does so.
 
@@ -77,7 +81,7 @@ def shaping_by(
     Raises UserError : see `engine_of`.
     """
     sharp = system.shaping
-    chosen = engine_of(engine, sharp, backend)
+    chosen = engine_of(engine, sharp, backend, of_drawn)
     if sharp is system:
         return system, chosen
     spreads = spreads_of(system, system.path(spot_lens(system, backend)), backend)

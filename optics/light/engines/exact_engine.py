@@ -45,11 +45,13 @@ class ExactEngine:
     """Light models of exact rays and cells on a Dr.Jit backend: an `Engine`.
 
     soft_rim : as of `Tracer`.  drawn : the rays, which stages of a design have in common.
+    of_drawn : traces rays that are drawn from a source, whose noise is far above rounding; None is `backend`.
     """
 
     backend: Backend
     soft_rim: float = SOFT_RIM
     drawn: DrawnRays = field(default_factory=DrawnRays, repr=False)
+    of_drawn: Backend | None = None
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
@@ -57,9 +59,11 @@ class ExactEngine:
         path = system.path(lens).with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
-        tracer = Tracer(self.backend, path, rays, proven=False)
+        drawn = system.source.extended and film.window is not None
+        backend = self.of_drawn or self.backend if drawn else self.backend
+        tracer = Tracer(backend, path, rays, proven=False)
         light = float(rays.flux.sum())
-        return TracedModel(self.backend, tracer, film.screen, window, mirrors, light)
+        return TracedModel(backend, tracer, film.screen, window, mirrors, light)
 
 
 def measured_rays(

@@ -77,7 +77,7 @@ class MappedCells:
         corners: Floats,
         turned: Bools | None = None,
     ) -> None:
-        self._backend, self._screen, self._double = backend, screen, backend.doubled()
+        self._backend, self._screen, self._double = backend, screen, backend.with_precision("double")
         corners, cells = corners.reshape([n + 1 for n in emitted.shape]), np.pad(emitted, ((0, 1), (0, 1)))
         shares = SHARE / screen.pixel_area * cells
         self._shares = self._double.array(shares)

@@ -197,7 +197,7 @@ class Run:
     """Seed, threads and precision, as the table [run].
 
     >>> problem.with_(**{"run.threads": 2}).run.threads, problem.run.precision
-    (2, 'double')
+    (2, 'mixed')
     """
 
     seed: int = option(
@@ -205,7 +205,10 @@ class Run:
     )
     threads: int = option(0, low=0, high=1024, note="0 uses all cores; the lens is the same for any number")
     precision: str = option(
-        "double", choices=("double", "single"), note="of the optimisation; metrics are always double"
+        "mixed",
+        choices=("mixed", "double", "single"),
+        note="of the optimisation; mixed is single for rays drawn from a source, whose noise is far above its "
+        "rounding, else double; metrics are always double",
     )
     keep: str = option(
         "result",

@@ -41,13 +41,13 @@ GLOW: dict[str, Any] = {  # Table 6.3 of the thesis
     "optimizer.roughness_weight": 1e-5,
 }
 EXTENDED = GLOW | {
-    "optimizer.finish": 60,
+    "optimizer.finish": 120,
     "lens.rear.freeform": {"spans": (2, 2), "max_level": 6, "z_freedom": 3.0},
     "optimizer.iterations": (60, 60, 60, 60, 60, 60, 20),
     "optimizer.dark_flux_weight": 0.04,
 }
 TWO_SURFACES = GLOW | {
-    "optimizer.finish": 40,
+    "optimizer.finish": 60,
     "optimizer.iterations": (72, 72, 72, 72, 72, 72, 20),
     "lens.front.freeform": {"spans": (2, 2), "max_level": 5, "z_freedom": 1.0},
     "lens.rear.freeform": {"spans": (2, 2), "max_level": 6, "z_freedom": 1.5},

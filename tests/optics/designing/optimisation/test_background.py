@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from optics.base.runtime import load_backend
 from optics.designing.optimisation import Listener, loop, shape_lens, stages, transmitted_flux
 from optics.designing.optimisation.level_objective import (
     Background,
@@ -56,7 +57,7 @@ def test_the_objective_counts_the_background_as_light(tmp_path, backend):
 @pytest.mark.slow
 def test_the_last_two_levels_and_the_finish_have_one(tmp_path):
     plan = stages(system_of(tmp_path, {"lens.rear.freeform.max_level": 3}), False)
-    assert [stage.other_ways for stage in plan] == [False, False, True, True, True]
+    assert [stage.other_ways for stage in plan] == [False, False, True, True, True, True]
     by_cells = stages(system_of(tmp_path, {"source.kind": "point", "optimizer.window": "cells"}), False)
     assert [stage.other_ways for stage in by_cells] == [True, False, True]  # what they bring is of rays
 
@@ -125,3 +126,11 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     passed = transmitted_flux(system, backend, seen[2][2])
     assert finish == pytest.approx(passed + 1e-8 * 4000.0**2, rel=1e-12)
     assert [around is None for around in objectives] == [True] * 2 + [False] * 6
+
+
+def test_light_by_other_ways_is_seen_at_every_precision(tmp_path):
+    """Its tracer, which proves what rays meet, knows double precision alone."""
+    single = load_backend("single", 1)
+    system = system_of(tmp_path, {"run.precision": "single"})
+    film = stage_film(system, stages(system, False)[-1])
+    assert background(system, single, system.lens, film) is not None

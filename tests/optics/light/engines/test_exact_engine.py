@@ -1,11 +1,13 @@
-"""The rays of the exact engine: drawn once for all stages that ask for the same."""
+"""The rays of the exact engine: drawn once for all stages that ask for the same, and their precision."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from optics.light.engines import DrawnRays, Film
+from optics.light.engines import DrawnRays, ExactEngine, Film
 from optics.scene.receivers import BSplineWindow
-from tests.optics.cases import small_system
+from tests.optics.cases import rough, small_system
 
 LED = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 12.0}
 
@@ -45,3 +47,29 @@ def test_another_source_has_rays_of_its_own(tmp_path):
     systems.append(small_system(tmp_path / "wide", LED | {"source.half_width": [1.0, 1.0]}))
     narrow, wide = (np.ptp(drawn(s.source, film(s))[0].origin[0]) for s in systems)
     assert wide == pytest.approx(2 * narrow)
+
+
+def slopes(engine, system, film):
+    """Return the derivatives of the squares of the pixels, at a rough rear."""
+    sag = system.lens.rear.sag
+    light = engine.model(system, system.lens, film).light([rough(sag.space)])
+    (gradient,) = light.pull_back(2 * light.image)
+    return gradient
+
+
+def test_single_precision_rounds_drawn_rays_far_below_their_noise(tmp_path, backend):
+    system = small_system(tmp_path, LED)
+    rays = film(system, (256, 256))
+    double, single = ExactEngine(backend), ExactEngine(backend, of_drawn=backend.with_precision("single"))
+    exact, rounded = slopes(double, system, rays), slopes(single, system, rays)
+    others = slopes(double, system, replace(rays, fresh=(5,)))
+    noise = np.linalg.norm(others - exact)
+    assert 0 < np.linalg.norm(rounded - exact) < 0.01 * noise
+
+
+@pytest.mark.parametrize("window", [BSplineWindow(3), None], ids=["grid", "cells"])
+def test_light_without_noise_keeps_its_precision(tmp_path, backend, window):
+    system = small_system(tmp_path)
+    same = replace(film(system, (33, 33)), window=window)
+    single = ExactEngine(backend, of_drawn=backend.with_precision("single"))
+    assert np.array_equal(slopes(single, system, same), slopes(ExactEngine(backend), system, same))

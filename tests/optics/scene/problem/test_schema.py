@@ -54,7 +54,7 @@ def test_defaults_are_those_of_the_design_contract(tmp_path):
         assert (surface.radius, surface.conic) == (math.inf, 0.0)
     assert vars(p.lens.rear.freeform) == {"degree": 3, "spans": (7, 7), "max_level": 5, "z_freedom": 5.0}
     assert (p.target.encoding, p.target.pixels, p.target.fit) == ("srgb", (256, 256), "crop")
-    assert (p.run.seed, p.run.precision) == (0, "double")
+    assert (p.run.seed, p.run.precision) == (0, "mixed")
     assert target_z(p) == SMALL["lens.thickness"] + SMALL["target.distance"]
 
 
