@@ -19,8 +19,8 @@ from thbcad.splines import KnotVector
 
 Bounds: TypeAlias = "tuple[DrArray, DrArray, DrArray, DrArray]"  # a, b, a step that height allows, X
 
-FINEST = 64  # boxes in each direction
-COARSER = 8  # times: the size of a coarse box
+FINEST = 64  # boxes in each direction, of slopes
+COARSER = 8  # times: the size of the boxes of second derivatives, which bound them within a whole step
 ROOM = 2.0**-10  # of a box: bounds hold so far around it, so that a ray that leaves it gets on
 EPS = 2.0**-53
 ROUNDINGS = 64  # of a second difference
@@ -30,19 +30,42 @@ STEEPER = 2.0**-10  # of a ray's rise, at least: by so much it differs from the 
 
 
 @dataclass(frozen=True, eq=False)
-class BoxBounds:
-    """Bounds on the boxes of one size, and where a ray leaves its box.
+class Boxes:
+    """A rectangle cut evenly.
 
-    low : packets (least z_xx, least z_yy, least z_xy, least z).  high : the greatest ones.
     count : boxes in each direction.  per_length : boxes per mm.
     """
 
     backend: Backend
-    low: DrArray
-    high: DrArray
     count: int
     half_width: tuple[DrArray, DrArray]
     per_length: tuple[DrArray, DrArray]
+
+    @classmethod
+    def of(cls, backend: Backend, half_width: tuple[float, float], count: int) -> Boxes:
+        """Return count x count boxes of a rectangle; half_width : mm."""
+        x, y, per_x, per_y = map(backend.opaque, (*half_width, *(count / (2 * h) for h in half_width)))
+        return cls(backend, count, (x, y), (per_x, per_y))
+
+    def holding(self, x: DrArray, y: DrArray) -> tuple[list[DrArray], list[DrArray]]:
+        """Return the positions of points in either direction, counted in boxes, and the boxes there."""
+        dr = self.backend.dr
+        positions = [(s + half) * per for s, half, per in zip((x, y), self.half_width, self.per_length)]
+        least = (dr.select(p > 0, dr.minimum(p, self.count - 1), 0) for p in positions)
+        return positions, [self.backend.Index(p) for p in least]
+
+
+@dataclass(frozen=True, eq=False)
+class BoxBounds:
+    """Bounds on boxes, and where a ray leaves its box.
+
+    low : packets (least z_xx, least z_yy, least z_xy, least z).  high : the greatest ones.
+    """
+
+    backend: Backend
+    boxes: Boxes
+    low: DrArray
+    high: DrArray
 
     def along(
         self,
@@ -55,17 +78,14 @@ class BoxBounds:
 
         error : mm, of a height.  below : the ray is below the surface; else f is its height above it.
         """
-        dr, axes = self.backend.dr, []
-        leave = dr.inf
-        for s, d, half, per in zip(point, direction, self.half_width, self.per_length):
-            position = (s + half) * per
-            box = box_of(self.backend, position, self.count)
+        dr, leave = self.backend.dr, self.backend.dr.inf
+        positions, (i, j) = self.boxes.holding(*point[:2])
+        for position, box, d, per in zip(positions, (i, j), direction, self.boxes.per_length):
             edge = self.backend.Float(box) + dr.select(d > 0, 1 + ROOM, -ROOM)
             moves = d != 0
             to_edge = (edge - position) / dr.select(moves, d * per, 1)
             leave = dr.minimum(leave, dr.select(moves, to_edge, dr.inf))
-            axes.append(box)
-        at = axes[0] * self.count + axes[1]
+        at = i * self.boxes.count + j
         low, high = (dr.gather(self.backend.Packet, table, at) for table in (self.low, self.high))
         dx, dy, dz = direction
         xx, yy, xy = dx * dx, dy * dy, 2 * dx * dy
@@ -84,15 +104,12 @@ class SlopeBounds:
     """Bounds of slopes and heights on all boxes that are at most AROUND boxes away from each box.
 
     slopes : packets (least z_x, greatest z_x, least z_y, greatest z_y).  heights : pairs, of z.
-    count : boxes in each direction.  per_length : boxes per mm.
     """
 
     backend: Backend
+    boxes: Boxes
     slopes: DrArray
     heights: DrArray
-    count: int
-    half_width: tuple[DrArray, DrArray]
-    per_length: tuple[DrArray, DrArray]
 
     def prove_first(
         self,
@@ -112,7 +129,7 @@ class SlopeBounds:
         error : mm, of heights.  below : the ray comes from below the surface, else from above it.
         """
         dr, (dx, dy, dz), first = self.backend.dr, direction, interval[0]
-        reach = AROUND / dr.maximum(*(dr.abs(d) * per for d, per in zip((dx, dy), self.per_length)))
+        reach = AROUND / dr.maximum(*(dr.abs(d) * per for d, per in zip((dx, dy), self.boxes.per_length)))
         side = dr.select(below, self.backend.Float(1), -1)
         towards = side * dx > 0, side * dy > 0
         slack = STEEPER * dr.abs(dz)
@@ -120,9 +137,8 @@ class SlopeBounds:
         def body(active: DrArray, t: DrArray) -> tuple[DrArray, DrArray]:
             middle = dr.maximum(t - reach, first)
             x, y, z = at(middle)
-            axes = zip((x, y), self.half_width, self.per_length)
-            i, j = (box_of(self.backend, (s + half) * per, self.count) for s, half, per in axes)
-            box = i * self.count + j
+            _, (i, j) = self.boxes.holding(x, y)
+            box = i * self.boxes.count + j
             x0, x1, y0, y1 = dr.gather(self.backend.Packet, self.slopes, box)
             low, high = dr.gather(self.backend.Pair, self.heights, box)
             rise = dx * dr.select(towards[0], x1, x0) + dy * dr.select(towards[1], y1, y0)
@@ -133,11 +149,6 @@ class SlopeBounds:
 
         _, t = dr.while_loop((active, interval[1] + 0), lambda active, _: active, body, mode="symbolic")
         return active & (t <= first)
-
-
-def box_of(backend: Backend, position: DrArray, count: int) -> DrArray:
-    """Return the index of the box, of `count` in a direction, that has a position, counted in boxes."""
-    return backend.Index(backend.dr.select(position > 0, backend.dr.minimum(position, count - 1), 0))
 
 
 def slope_bounds(
@@ -152,26 +163,21 @@ def slope_bounds(
     z0, x0, y0, *greatest = np.moveaxis(least, -1, 0)
     z1, x1, y1 = (-a for a in greatest)
     slopes, heights = (backend.array(np.stack(rows, axis=-1)) for rows in ((x0, x1, y0, y1), (z0, z1)))
-    per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
-    return SlopeBounds(backend, slopes, heights, count, tuple(map(backend.opaque, half_width)), per_length)
+    return SlopeBounds(backend, Boxes.of(backend, half_width, count), slopes, heights)
 
 
 def box_bounds(
     backend: Backend, conic: Conic, half_width: tuple[float, float], spline: Sequence[Floats]
-) -> list[BoxBounds]:
-    """Return the BoxBounds of a surface conic + spline: of its whole rectangle, of coarse and fine boxes."""
+) -> BoxBounds:
+    """Return the BoxBounds of a surface conic + spline, of the spline's `spline_bounds`."""
     tables = [t[..., :PACKED] for t in surface_bounds(conic, half_width, spline)]
-    half, finest = tuple(map(backend.opaque, half_width)), len(tables[0])
-    out = []
-    for count in sorted({1, max(1, finest // COARSER), finest}):
-        k = finest // count
-        low, high = (
-            backend.array(extreme(t.reshape(count, k, count, k, PACKED), axis=(1, 3)))
-            for extreme, t in zip((np.min, np.max), tables)
-        )
-        per_length = tuple(backend.opaque(count / (2 * h)) for h in half_width)
-        out.append(BoxBounds(backend, low, high, count, half, per_length))
-    return out
+    count = max(1, len(tables[0]) // COARSER)
+    own = len(tables[0]) // count
+    low, high = (
+        backend.array(extreme(t.reshape(count, own, count, own, PACKED), axis=(1, 3)))
+        for extreme, t in zip((np.min, np.max), tables)
+    )
+    return BoxBounds(backend, Boxes.of(backend, half_width, count), low, high)
 
 
 def surface_bounds(

@@ -6,8 +6,7 @@ cut into boxes, on which second derivatives and heights have proven bounds.  Wit
     f + f' h + a h^2 / 2  <=  f(t + h)  <=  f + f' h + b h^2 / 2        for 0 <= h <= X.
 
 Up to the first root of the left side there is no meeting: that is a step.  Where the right side has a root
-H <= X, f falls on [t, t + H] and has one root there, the first meeting.  Boxes of several sizes give steps;
-the longest is taken.
+H <= X, f falls on [t, t + H] and has one root there, the first meeting.
 
 Source: J. C. Hart, Sphere tracing, The Visual Computer 12 (1996).
 """
@@ -47,7 +46,7 @@ class Fall:
 
 def first_fall(
     backend: Backend,
-    along: Callable[[DrArray], tuple[DrArray, DrArray, Sequence[Bounds]]],
+    along: Callable[[DrArray], tuple[DrArray, DrArray, Bounds]],
     interval: tuple[DrArray, DrArray],
     active: DrArray,
     errors: tuple[DrArray, DrArray],
@@ -55,7 +54,7 @@ def first_fall(
 ) -> Fall:
     """Return the first Fall of f through zero in an interval, for active rays.
 
-    along : t -> f, f' and Bounds for boxes of every size.  errors : of rounding, of f and of f'.
+    along : t -> f, f' and Bounds.  errors : of rounding, of f and of f'.
     on : the ray starts on the surface, which it leaves; then the next fall counts.
     A ray that comes so near to the surface that rounding decides is not resolved.
     """
@@ -64,16 +63,14 @@ def first_fall(
     error, rate_error = errors
 
     def body(active: DrArray, t: DrArray, high: DrArray, end: DrArray, count: DrArray) -> tuple[DrArray, ...]:
-        f, rate, sizes = along(t)
-        rest, step, reach = last - t, 0 * t, 0 * t
-        for least, greatest, below, leave in sizes:
-            within, greatest = dr.minimum(leave, rest), dr.maximum(greatest, 0)
-            safe = _least_root(backend, f - error, rate - rate_error, dr.minimum(least, 0))
-            step = dr.maximum(step, dr.minimum(within, dr.maximum(safe, below)))
-            reach = dr.maximum(reach, _fall(backend, f + error, rate + rate_error, greatest, within))
-            falls_on = (leave >= rest) & (rate + rate_error + greatest * rest < 0)
-            reach = dr.select(falls_on, 2 * rest, reach)  # to the very end, whatever rounding does
-        after = t + step
+        f, rate, (least, greatest, below, leave) = along(t)
+        rest = last - t
+        within, greatest = dr.minimum(leave, rest), dr.maximum(greatest, 0)
+        safe = _least_root(backend, f - error, rate - rate_error, dr.minimum(least, 0))
+        after = t + dr.minimum(within, dr.maximum(safe, below))
+        reach = _fall(backend, f + error, rate + rate_error, greatest, within)
+        falls_on = (leave >= rest) & (rate + rate_error + greatest * rest < 0)
+        reach = dr.select(falls_on, 2 * rest, reach)  # to the very end, whatever rounding does
         met = (f > -error) & (reach > 0)
         starts = t <= first
         positive = (f > error) | (starts & on & (rate > rate_error))

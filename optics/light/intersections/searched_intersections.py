@@ -186,10 +186,10 @@ class SearchedHits:
         fixed, per_length, slope_error = map(backend.opaque, bounds)
         errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
 
-        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+        def along(t: DrArray) -> tuple[DrArray, DrArray, Bounds]:
             value, fall = self._fall(shape, o, d, t)
             point = *self._clip(o[0] + t * d[0], o[1] + t * d[1]), o[2] + t * d[2]
-            return value, -fall, [box.along(point, d, errors[0]) for box in boxes]
+            return value, -fall, boxes.along(point, d, errors[0])
 
         return first_fall(backend, along, interval, doubtful, errors, doubtful & False)
 

@@ -265,9 +265,9 @@ class PlacedSurface:
             height, zx, zy = self.jet(x, y)
             return sign * (height - z), sign * (d[2] - zx * d[0] - zy * d[1])
 
-        def along(t: DrArray) -> tuple[DrArray, DrArray, list[Bounds]]:
+        def along(t: DrArray) -> tuple[DrArray, DrArray, Bounds]:
             value, fall = f(t)
-            return value, -fall, [box.along(at(t), d, error, below) for box in self._boxes]
+            return value, -fall, self._boxes.along(at(t), d, error, below)
 
         start, stop = interval
         x, y, z = rays.at(start)

@@ -207,8 +207,8 @@ class Run:
     precision: str = option(
         "mixed",
         choices=("mixed", "double", "single"),
-        note="of the optimisation; mixed is single for rays drawn from a source, whose noise is far above its "
-        "rounding, else double; metrics are always double",
+        note="of the optimisation; mixed is single for rays drawn from a source, whose noise is far above "
+        "its rounding, else double; metrics are always double",
     )
     keep: str = option(
         "result",
