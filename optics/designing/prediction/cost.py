@@ -23,6 +23,7 @@ MAPPED = 6.0  # s more for a transport map of rays that are not parallel where t
 BLURRED = 1.8  # s more where light is blurred, or displaced
 IN_PLATE = 1.2  # s more for each lens of a plate, through which the crosstalk is traced
 SEARCHED, BOTH_FREE = 3.0, 3.8  # times RAY, where rays are searched for; through two free surfaces
+DRAWN = 0.55  # times that, in single precision
 # the peaks of overview.json and of the twenty pictures within 1.2 times
 BASE_MB = 930.0
 BYTES = 365  # per ray
@@ -37,6 +38,8 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     kind = 1.0 if system.parallel else SEARCHED
     if len(system.freeforms) > 1:
         kind = BOTH_FREE
+    if system.source.extended:
+        kind *= DRAWN
     functions = 1
     for axis in (0, 1):
         functions *= max(f.spans[axis] << min(f.finest, last_level(system.problem)) for f in system.freeforms)
