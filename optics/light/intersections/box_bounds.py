@@ -62,7 +62,6 @@ class BoxBounds:
     low : packets (least z_xx, least z_yy, least z_xy, least z).  high : the greatest ones.
     """
 
-    backend: Backend
     boxes: Boxes
     low: DrArray
     high: DrArray
@@ -78,15 +77,16 @@ class BoxBounds:
 
         error : mm, of a height.  below : the ray is below the surface; else f is its height above it.
         """
-        dr, leave = self.backend.dr, self.backend.dr.inf
+        backend, leave = self.boxes.backend, self.boxes.backend.dr.inf
+        dr = backend.dr
         positions, (i, j) = self.boxes.holding(*point[:2])
         for position, box, d, per in zip(positions, (i, j), direction, self.boxes.per_length):
-            edge = self.backend.Float(box) + dr.select(d > 0, 1 + ROOM, -ROOM)
+            edge = backend.Float(box) + dr.select(d > 0, 1 + ROOM, -ROOM)
             moves = d != 0
             to_edge = (edge - position) / dr.select(moves, d * per, 1)
             leave = dr.minimum(leave, dr.select(moves, to_edge, dr.inf))
         at = i * self.boxes.count + j
-        low, high = (dr.gather(self.backend.Packet, table, at) for table in (self.low, self.high))
+        low, high = (dr.gather(backend.Packet, table, at) for table in (self.low, self.high))
         dx, dy, dz = direction
         xx, yy, xy = dx * dx, dy * dy, 2 * dx * dy
         least = xx * low[0] + yy * low[1] + xy * dr.select(xy < 0, high[2], low[2])
@@ -106,7 +106,6 @@ class SlopeBounds:
     slopes : packets (least z_x, greatest z_x, least z_y, greatest z_y).  heights : pairs, of z.
     """
 
-    backend: Backend
     boxes: Boxes
     slopes: DrArray
     heights: DrArray
@@ -128,9 +127,10 @@ class SlopeBounds:
         at : ray parameter -> point, z from the vertex.  interval : ray parameters of start and meeting point.
         error : mm, of heights.  below : the ray comes from below the surface, else from above it.
         """
-        dr, (dx, dy, dz), first = self.backend.dr, direction, interval[0]
+        backend, (dx, dy, dz), first = self.boxes.backend, direction, interval[0]
+        dr = backend.dr
         reach = AROUND / dr.maximum(*(dr.abs(d) * per for d, per in zip((dx, dy), self.boxes.per_length)))
-        side = dr.select(below, self.backend.Float(1), -1)
+        side = dr.select(below, backend.Float(1), -1)
         towards = side * dx > 0, side * dy > 0
         slack = STEEPER * dr.abs(dz)
 
@@ -139,8 +139,8 @@ class SlopeBounds:
             x, y, z = at(middle)
             _, (i, j) = self.boxes.holding(x, y)
             box = i * self.boxes.count + j
-            x0, x1, y0, y1 = dr.gather(self.backend.Packet, self.slopes, box)
-            low, high = dr.gather(self.backend.Pair, self.heights, box)
+            x0, x1, y0, y1 = dr.gather(backend.Packet, self.slopes, box)
+            low, high = dr.gather(backend.Pair, self.heights, box)
             rise = dx * dr.select(towards[0], x1, x0) + dy * dr.select(towards[1], y1, y0)
             falls = side * (rise - dz) < -slack
             apart = dr.select(below, low - z, z - high) > error + dr.abs(dz) * (t - middle)
@@ -163,7 +163,7 @@ def slope_bounds(
     z0, x0, y0, *greatest = np.moveaxis(least, -1, 0)
     z1, x1, y1 = (-a for a in greatest)
     slopes, heights = (backend.array(np.stack(rows, axis=-1)) for rows in ((x0, x1, y0, y1), (z0, z1)))
-    return SlopeBounds(backend, Boxes.of(backend, half_width, count), slopes, heights)
+    return SlopeBounds(Boxes.of(backend, half_width, count), slopes, heights)
 
 
 def box_bounds(
@@ -177,7 +177,7 @@ def box_bounds(
         backend.array(extreme(t.reshape(count, own, count, own, PACKED), axis=(1, 3)))
         for extreme, t in zip((np.min, np.max), tables)
     )
-    return BoxBounds(backend, Boxes.of(backend, half_width, count), low, high)
+    return BoxBounds(Boxes.of(backend, half_width, count), low, high)
 
 
 def surface_bounds(
