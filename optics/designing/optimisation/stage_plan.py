@@ -184,8 +184,8 @@ def _seeing_other_ways(plan: Sequence[Stage]) -> list[Stage]:
 def _finish(system: OpticalSystem, level: int) -> list[Stage]:
     """Return the last pass: as many rays as unmerged pixels ask for, on merged ones where light is not exact.
 
-    Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light comes
-    by other ways.
+    Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light by
+    other ways counts that is not measured in cells.
     """
     options = system.problem.optimizer
     stage = _stage(system, level, options.finish, 1, True)

@@ -38,7 +38,7 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     kind = 1.0 if system.parallel else SEARCHED
     if len(system.freeforms) > 1:
         kind = BOTH_FREE
-    if system.source.extended:
+    if system.source.extended and system.problem.run.precision != "double":
         kind *= DRAWN
     functions = 1
     for axis in (0, 1):

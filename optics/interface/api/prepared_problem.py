@@ -17,7 +17,7 @@ MESHES = ENGINES[-1]
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A system, the backend of the problem's precision, and the transport start where it is known already."""
+    """A system, the backend of all but drawn rays, and the transport start where it is known already."""
 
     system: OpticalSystem
     backend: Backend

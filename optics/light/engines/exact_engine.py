@@ -18,6 +18,7 @@ from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
+FAR = 100.0  # half-widths: from there single precision moves meeting points by 1e-5 of them
 KEPT = 3  # sets of rays: of a stage, of its rough steps, and others
 
 
@@ -45,7 +46,8 @@ class ExactEngine:
     """Light models of exact rays and cells on a Dr.Jit backend: an `Engine`.
 
     soft_rim : as of `Tracer`.  drawn : the rays, which stages of a design have in common.
-    of_drawn : traces rays that are drawn from a source, whose noise is far above rounding; None is `backend`.
+    of_drawn : traces rays drawn from a source that is not FAR, whose noise is far above its rounding; None is
+        `backend`.
     """
 
     backend: Backend
@@ -59,8 +61,10 @@ class ExactEngine:
         path = system.path(lens).with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
-        drawn = system.source.extended and film.window is not None
-        backend = self.of_drawn or self.backend if drawn else self.backend
+        backend = self.backend
+        if self.of_drawn and film.window is not None and system.source.extended and isinstance(rays, Rays):
+            near = np.abs(rays.origin).max() < FAR * max(lens.front.half_width)
+            backend = self.of_drawn if near else backend
         tracer = Tracer(backend, path, rays, proven=False)
         light = float(rays.flux.sum())
         return TracedModel(backend, tracer, film.screen, window, mirrors, light)

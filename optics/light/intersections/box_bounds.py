@@ -23,10 +23,10 @@ FINEST = 64  # boxes in each direction, of slopes
 COARSER = 8  # times: the size of the boxes of second derivatives, which bound them within a whole step
 ROOM = 2.0**-10  # of a box: bounds hold so far around it, so that a ray that leaves it gets on
 EPS = 2.0**-53
-ROUNDINGS = 64  # of a second difference
+ROUNDINGS = 64  # of a second difference, and more than a height or a slope has
 ORDERS = (2, 0), (0, 2), (1, 1), (0, 0), (1, 0), (0, 1)  # of the derivatives that have bounds
 AROUND = 1  # box
-STEEPER = 2.0**-10  # of a ray's rise, at least: by so much it differs from the surface's, against rounding
+STEEPER = 2.0**-10  # of a ray's rise: by so much at least it exceeds the surface's where that is proven
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,7 @@ class SlopeBounds:
             return active & proven & (middle > first), dr.select(proven, middle - reach, t)
 
         _, t = dr.while_loop((active, interval[1] + 0), lambda active, _: active, body, mode="symbolic")
-        return active & (t <= first)
+        return active & (t < first)
 
 
 def slope_bounds(

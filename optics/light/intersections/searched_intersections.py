@@ -43,10 +43,11 @@ class SearchedHits:
     when they did so first.  A step that leaves the bracket of f's signs is
     replaced by halving the bracket.
 
-    Of several meetings the search returns one, as a rule the first.  With `proven` it is the first: rays that
-    are flatter than the surface is steep are led to it by steps that are proven to pass none, and are not
-    `found` where rounding decides (in single precision nothing is proven).  A ray that comes over the
-    rectangle above the surface misses it then.  Without knots the surface is the conic alone.
+    Of several meetings the search returns one, as a rule the first.  With `proven` it is the first: of rays
+    that are flatter than the surface is steep it is proven by the slopes behind it, or they are led to it by
+    steps that pass none, and are not `found` where rounding decides (in single precision nothing is proven).
+    A ray that comes over the rectangle above the surface misses it then.  Without knots the surface is the
+    conic alone.
     """
 
     settled = 0.5  # of the resolution: a residual after which one more of Newton's steps is the last

@@ -273,11 +273,13 @@ class PlacedSurface:
         x, y, z = rays.at(start)
         t = start + (self.jet(x, y)[0] - z) / d[2]
         t = dr.select((t > start) & (t < stop), t, 0.5 * (start + stop))
-        unknown = dr.zeros(self.backend.Index, dr.width(t))
-        t, low, high, searched = falling_root(self.backend, f, t, start, stop, unknown, active, self._near)
-        met = active & ~searched & (low < high)
+        unknown, near = dr.zeros(self.backend.Index, dr.width(t)), self._near + error
+        away = active & ~on  # others rise from the surface where they start: their way back proves nothing
+        t, low, high, searched = falling_root(self.backend, f, t, start, stop, unknown, away, near)
+        met = away & ~searched & (low < high)
         met = self._slopes.prove_first(at, d, (start, t), met, error, below)
         fall = first_fall(self.backend, along, interval, active & ~met, (error, slope_error), on)
-        low = dr.select(met, dr.maximum(t - self._near, start), fall.low)
-        high = dr.select(met, dr.minimum(t + self._near, stop), fall.high)
+        near = self._near + 2.0**-50 * dr.abs(t)
+        low = dr.select(met, dr.maximum(t - near, start), fall.low)
+        high = dr.select(met, dr.minimum(t + near, stop), fall.high)
         return Fall(low, high, fall.resolved | met)

@@ -38,7 +38,7 @@ class GraphFace:
     """The face z = Z(x, y) where a x + b y + c z + e >= 0 for every row of the domain.
 
     height : x, y -> Z, Zx, Zy.  outward : +1 where air lies at greater z, else -1.
-    domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z, loosely.
+    domain : (m, 4) rows (a, b, c, e) with unit (a, b, c); two of them bound z.
     cell : lengths in x and y, mm, within which Z is smooth.
     surface : where the face is one, its first meetings are proven; else paths are sampled, twice a cell.
     outline : with rounded corners, which bounds the plan instead of rows.

@@ -38,7 +38,7 @@ from thbcad.moulds import Made, Solid
 from thbcad.outlines import Outline
 
 BOUNCES = 64  # the most faces that a branch meets
-FEW = 6  # faces, after which few branches are left
+FEW = 7  # faces, after which few branches are left
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def trace_nonsequential(
     threshold : of a branch's flux, relative to its source ray.  Both drop branches as `trapped`.
     roulette : decides on branches below the threshold instead.  They survive with the probability
         flux / (threshold * flux of the ray) and then carry that threshold, so that fluxes hold on average.
-        Past FEW faces the threshold doubles at each: the last branches are soon gone.
+        Past FEW faces the threshold doubles at each, up to 1: the last branches are soon gone.
     """
     require_rays(rays)
     solid = ClosedLens(backend, lens, target.coats)
@@ -159,13 +159,13 @@ def trace_nonsequential(
         branches = account.dimmed(branches, np.linalg.norm(meetings.point - branches.origin, axis=0))
         refracted, reflected = split(branches, meetings)
         branches = refracted[meetings.transmittance > 0] + reflected
-        least = threshold * rays.flux[branches.ray]
         if roulette is None:
-            weak = branches.flux <= least
+            weak = branches.flux <= threshold * rays.flux[branches.ray]
             account.add(branches[weak], FATES.index("trapped"))
             branches = branches[~weak]
         else:
-            branches = branches.survivors(2.0 ** max(0, generation - FEW) * least, roulette)
+            later = min(threshold * 2.0 ** max(0, generation + 1 - FEW), max(threshold, 1.0))
+            branches = branches.survivors(later * rays.flux[branches.ray], roulette)
         if not len(branches.ray):
             break
     x, y, flux, ray, fate, direct = (np.concatenate(column) for column in zip(*landings))

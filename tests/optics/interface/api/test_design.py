@@ -9,6 +9,7 @@ import pytest
 
 import optics
 from optics.base.runtime import ProgressEvent
+from optics.interface.api import design_run
 from optics.interface.api.design_result import Design
 from optics.scene.problem import load_problem
 from tests.cases import ROOT
@@ -138,6 +139,23 @@ def test_an_interrupt_before_any_level_goes_on(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         optics.design(load_problem(write_problem(tmp_path, QUICK)), progress=stop)
+
+
+@pytest.mark.parametrize(
+    ("precision", "of_all", "of_drawn"),
+    [("mixed", np.float64, np.float32), ("double", np.float64, None), ("single", np.float32, None)],
+)
+def test_a_design_is_traced_in_the_precision_asked_for(tmp_path, monkeypatch, precision, of_all, of_drawn):
+    engines, real = [], design_run.shape_lens
+
+    def watched(system, backend, engine, *others):
+        engines.append(engine)
+        return real(system, backend, engine, *others)
+
+    monkeypatch.setattr(design_run, "shape_lens", watched)
+    optics.design(load_problem(write_problem(tmp_path, QUICK | {"run.precision": precision})))
+    (engine,) = engines
+    assert (engine.backend.dtype, engine.of_drawn and engine.of_drawn.dtype) == (of_all, of_drawn)
 
 
 def test_import_optics_loads_nothing_heavy():

@@ -73,3 +73,12 @@ def test_light_without_noise_keeps_its_precision(tmp_path, backend, window):
     same = replace(film(system, (33, 33)), window=window)
     single = ExactEngine(backend, of_drawn=backend.with_precision("single"))
     assert np.array_equal(slopes(single, system, same), slopes(ExactEngine(backend), system, same))
+
+
+def test_light_from_far_keeps_its_precision(tmp_path, backend):
+    """A million millimetres from the source single precision knows points to 0.06 mm."""
+    far = {"source.distance": 1e6, "source.half_angle": 1e-3}
+    system = small_system(tmp_path, LED | far)
+    single = ExactEngine(backend, of_drawn=backend.with_precision("single"))
+    rays = film(system, (65, 65))
+    assert np.array_equal(slopes(single, system, rays), slopes(ExactEngine(backend), system, rays))

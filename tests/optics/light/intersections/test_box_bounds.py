@@ -105,9 +105,7 @@ def test_one_steep_hill_leaves_rays_elsewhere_proven(backend):
     ray, t, before, start = falls(hill, origin, direction)
     known = proven(backend, hill, origin[:, ray], direction[:, ray], (start[ray], t))
     x, y, _ = origin[:, ray] + t * direction[:, ray]
-    away = (
-        np.maximum(abs(x - 3.75), abs(y - 3.75)) > 3.0
-    )  # the hill's half-width 1.1 mm, a way of at most 1.4
+    away = np.maximum(abs(x - 3.75), abs(y - 3.75)) > 3.0  # mm: the hill has 1.1 on either side, a way 1.4
     assert known[away].all()
     assert not known[before > 0].any()
     assert (~known).any()
