@@ -13,8 +13,7 @@ from optics.scene.sources import Rays
 from oracles.first_meetings import MEETS, first_meetings
 from oracles.rough_fronts import SAME, SOURCES, rough_front
 from tests.cases import examples
-from tests.optics.light.tracing.cases import lambertian
-from tests.optics.light.tracing.test_nonsequential import FAR, dome_lens
+from tests.optics.light.tracing.cases import FAR, dome_lens, lambertian
 from tests.thbcad.cases import lenses
 from thbcad import FreeformSurface, Lens
 from thbcad.lens import SIDES, placed_surfaces, rim, ruled_edge

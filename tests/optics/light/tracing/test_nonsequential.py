@@ -14,30 +14,13 @@ from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, Frustum, MeshSolid, edge_gap, traced_one_by_one
 from oracles.light_formulas import fresnel
 from tests.cases import examples
-from tests.optics.light.tracing.cases import lambertian
+from tests.optics.light.tracing.cases import FAR, FAR_Z, dome_lens, lambertian
 from tests.thbcad.cases import lenses
-from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.poses import Pose
 from thbcad.sags import Conic
-from thbcad.splines import KnotVector
-from thbcad.surfaces import THBSurface
 
-FAR_Z = 1005.0
-FAR = TargetArea(receiver_at(FAR_Z), (2000.0, 2000.0))
 WIDE = TargetArea(receiver_at(50.0), (30.0, 20.0))
-
-
-def dome_lens(seed=None, amplitude=1.5):
-    """Return the lens of thesis table 6.3, with a random THB sag on the rear if a seed is given."""
-    rear = FreeformSurface((8.0, 8.0), Conic(-10.0, -1.0))
-    if seed is not None:
-        kv = KnotVector.uniform(3, 4, -8.0, 8.0)
-        space = THBSpace(kv, kv).refine({0: [(i, j) for i in range(3) for j in range(2, 4)]})
-        rear = rear.with_sag(
-            THBSurface(space, amplitude * np.random.default_rng(seed).uniform(-1, 1, space.dim))
-        )
-    return Lens(FreeformSurface((5.0, 5.0), Conic(-5.0, -1.0)), rear, 5.0, INDEX)
 
 
 def plane_lens(front, rear, thickness):
