@@ -18,7 +18,8 @@ OF_THE_LIGHT = (
     *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
 )  # keys of verify
 KEPT = "result"  # default of run.keep
-EARLIER = {"optimizer.iterations": (60,)}  # defaults of earlier versions, whose results are still read
+# defaults of earlier versions, whose results are still read
+EARLIER = {"optimizer.iterations": (60,), "run.precision": "double"}
 DATA = ("target", "source")  # tables that may name a file: a picture, or rays
 
 

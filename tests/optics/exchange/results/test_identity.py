@@ -25,8 +25,8 @@ def test_a_file_counts_by_its_bytes_and_is_never_held_whole(problem_file, tmp_pa
 
 
 def test_keys_that_came_later_leave_the_run_id_as_it_was(problem_file):
-    """The hash is that of the version before `source.unit`."""
-    problem = load_problem(problem_file()).with_(**{"verify.rays": 33})
+    """The hash is that of the version before `source.unit`, whose precision was double by default."""
+    problem = load_problem(problem_file()).with_(**{"verify.rays": 33, "run.precision": "double"})
     lens = OpticalSystem(problem).lens
     assert run_id(problem, lens) == "1ca1a9730572330eb49721c6fad71e922a5425bceb900ba9ab7b2d9a9c657a64"
     assert run_id(problem.with_(**{"source.unit": "W"}), lens) == run_id(problem, lens)
