@@ -14,6 +14,7 @@ def done():
     return batches([optics.Adam(0.05), optics.Adam(0.017)], 100)
 
 
+@pytest.mark.slow
 def test_adam_comes_close_to_the_least_squares_of_the_first_mesh(done):
     """The least loss is that of numpy's least squares with the full matrix."""
     matrix = done[0].surface.space.collocation(SAMPLES.u, SAMPLES.v).toarray()

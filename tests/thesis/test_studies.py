@@ -49,6 +49,7 @@ def times(folder):
     return {path.stem: path.stat().st_mtime_ns for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_a_study_writes_one_whole_file_per_run(runs):
     assert set(times(runs)) == RUNS  # and no temporary file
     for path in runs.iterdir():
@@ -88,6 +89,7 @@ def test_resume_runs_what_is_missing(runs, capsys):
     assert {name for name in RUNS if after[name] != before[name]} == {"filters"}
 
 
+@pytest.mark.slow
 def test_without_resume_all_runs_are_made_anew(runs):
     before = times(runs)
     assert main(["bench", "thesis", "--quick", "--only", STUDY]) == 0

@@ -93,7 +93,7 @@ def test_a_section_has_the_area_that_trimesh_cuts(lens, body, across):
     assert_section_area(lines, mesh, across, cut.planes[across], 2 * CHORD)
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(4)
 @pytest.mark.parametrize(("lens", "body"), CASES)
 def test_a_side_view_is_as_large_as_the_mesh(lens, body):
     low, high = to_trimesh(body_mesh(lens, CHORD, **body)).bounds

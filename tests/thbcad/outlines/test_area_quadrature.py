@@ -26,6 +26,7 @@ def test_polynomials_over_an_ellipse_have_their_moments():
     assert weights @ (x * y) ** 2 == pytest.approx(np.pi * 12**3 / 24, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_functions_with_kinks_on_the_lines_are_summed_as_on_a_fine_grid():
     """Middles of 2000 cells each way: those on the rim, below 0.2 % of all, err by half in both senses."""
     outline = Outline(H, (2.0, 1.0))

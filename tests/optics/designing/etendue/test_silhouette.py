@@ -194,6 +194,7 @@ def test_the_envelope_holds_lenses_of_all_shapes(tmp_path):
     assert (inside.find_simplex([[0, 0, 8.1], [8.1, 0, 0]]) < 0).all()
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     "keys",
     [

@@ -12,6 +12,7 @@ FLAT_REAR = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "lens.rea
 FAR = WIDE | FLAT_REAR | {"target.half_width": [35.0, 35.0]}
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("changes", "mapped"), [(FAR, True), (FAR, False), ({}, True)], ids=["map", "no map", "near"]
 )

@@ -62,7 +62,7 @@ def beyond(found):
     }
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(6)
 @pytest.mark.parametrize(
     "key",
     slow_unless(
@@ -164,6 +164,7 @@ def test_a_limit_that_no_surface_keeps_is_said_to_be_left_out(tmp_path, backend,
     assert "no surface is found that keeps limits.radius, so that the design leaves it out" in done.notes
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("changes", [{"optimizer.iterations": [24]}, {"optimizer.finish": 8}])
 def test_a_stage_before_the_last_starts_within_the_limits_too(tmp_path, backend, changes):
     """Moved by 0.5 mm the rear sends the same light; a search from beyond dents it in the middle for good."""

@@ -94,6 +94,7 @@ def test_variables_beside_the_outline_follow_and_their_gradient_is_exact():
     assert abs(at(100 * w)).max() <= 0.7
 
 
+@pytest.mark.slow
 def test_a_round_lens_is_designed_with_all_light_of_its_round_beam(tmp_path, backend):
     """The beam, a disk of 9.5 mm, fits within: what the rear sends on is 0.96^2 of it, as from a square."""
     made = run(tmp_path, backend, ROUND | {"source.profile": "round"})

@@ -82,6 +82,7 @@ def test_what_differs_within_pixels_counts_less():
     np.testing.assert_allclose(loss._weighted(by_pixel), by_pixel, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_light_is_as_smooth_within_pixels_as_asked_for(tmp_path, backend):
     """On pixels a quarter as wide the same lens has little more: 56 spans on 24 pixels (0.025 without)."""
     rear = {"lens.rear.freeform.spans": [7, 7], "lens.rear.freeform.max_level": 3}
@@ -94,6 +95,7 @@ def test_light_is_as_smooth_within_pixels_as_asked_for(tmp_path, backend):
     assert off[1] < 0.008
 
 
+@pytest.mark.slow
 def test_the_border_of_light_lies_where_it_is_asked_for(backend):
     """Also within the outermost pixels, which are narrower than the spans of a free front (0.19 without)."""
     front = {"half_width": (10, 10), "radius": 40.0, "conic": -1.0}

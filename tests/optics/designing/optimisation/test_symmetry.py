@@ -216,6 +216,7 @@ def test_a_symmetric_problem_gets_a_symmetric_lens_bit_for_bit(tmp_path, two_thr
             assert {mirrored(name, axis, 0, spans) for name in cells} == cells
 
 
+@pytest.mark.slow
 def test_a_problem_symmetric_in_one_direction_keeps_that_one(tmp_path, two_threads):
     """A crescent is its own mirror image in x only."""
     changes = TOPHAT | {"target.shape": "crescent", "lens.rear.freeform.max_level": 1}

@@ -246,7 +246,7 @@ SMOOTHER = {
 }
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(9)
 @LIMITS
 @pytest.mark.parametrize("name", slow_unless(lambda name: name != "ellipse", SMOOTHER))
 def test_a_limit_is_exceeded_where_the_certified_bounds_say_so(name, key):

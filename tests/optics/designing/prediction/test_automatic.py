@@ -51,6 +51,7 @@ def test_dense_meshes_have_the_base_of_coarse_ones(tmp_path, backend):
     assert bounds == pytest.approx([bounds[0]] * 3, rel=0.1)
 
 
+@pytest.mark.slow
 def test_levels_of_dense_meshes_have_cells(tmp_path, backend):
     """The start on the mesh that is chosen casts a ramp on few pixels, however many spans level 0 has."""
     ramp = np.tile(np.linspace(100, 255, 24).astype(np.uint8), (24, 1))
@@ -164,6 +165,7 @@ PLANE = {"lens.rear.radius": np.inf, "lens.rear.conic": -1.0, "lens.thickness": 
 CONE = {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 20.0}
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -186,6 +188,7 @@ def test_a_thin_lens_keeps_its_thickness(tmp_path, backend):
     assert system.lens.least_thickness().lower > 0.1
 
 
+@pytest.mark.slow
 def test_rays_that_spread_in_the_lens_have_a_map_too(tmp_path, backend):
     changes = {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 20.0}
     system = based(tmp_path, backend, changes)
@@ -194,6 +197,7 @@ def test_rays_that_spread_in_the_lens_have_a_map_too(tmp_path, backend):
     assert start.within(start.traced)
 
 
+@pytest.mark.slow
 def test_a_target_out_of_reach_is_refused_with_what_to_do(tmp_path, backend):
     changes = {"source.kind": "point", "source.distance": 20.0, "source.half_angle": 20.0}
     with pytest.raises(UserError, match=r'"auto" stands for: .* only \d+% of the light .*target\.half_width'):

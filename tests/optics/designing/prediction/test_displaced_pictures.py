@@ -36,6 +36,7 @@ def test_two_lenses_halve_the_light_at_the_borders_of_a_picture(tmp_path, pixels
     assert found.least < found.plain / 1.5
 
 
+@pytest.mark.slow
 def test_a_plate_that_spoils_its_picture_names_what_helps(tmp_path, backend):
     system = small_system(tmp_path, NEAR | {"lens.rear.freeform.z_freedom": 5.0})
     lines = "\n".join(expectation_lines(system, expected(system, backend)[0]))

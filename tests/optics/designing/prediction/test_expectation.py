@@ -140,6 +140,7 @@ def test_zones_are_not_predicted_as_pictures_are(backend):
     )
 
 
+@pytest.mark.slow
 def test_the_sag_asked_for_is_that_of_every_fit(backend):
     """The map of a point's light asks for more on one mesh than on another."""
     system = example_system("point", {"target.pixels": [64, 64]})
@@ -243,6 +244,7 @@ def test_no_error_is_predicted_where_the_mesh_is_coarser_than_the_pixels(tmp_pat
     assert fine.rel_l2 is not None
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "said", [{}, {"target.tilt": (0.0, 0.0, 90.0)}, {"source.position": (0.0, 0.0, -40.0)}]
 )

@@ -152,5 +152,6 @@ def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
     assert words in said
 
 
+@pytest.mark.slow
 def test_nothing_is_foretold_of_a_body_whose_start_has_it(backend, tmp_path):
     assert not any("body" in line for line in foreseen(small_system(tmp_path, BODY), backend))

@@ -74,6 +74,7 @@ def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp
     assert TransportStart(other, backend).lost(other) <= STEEP
 
 
+@pytest.mark.slow
 def test_a_fixed_rear_that_light_misses_is_proposed_wider(backend):
     """As wide as takes all of it: a free front spreads a beam of nearly the width of both faces."""
     front = {"half_width": (10, 10), "freeform": {"spans": (5, 5), "max_level": 1, "z_freedom": 4.0}}
@@ -91,6 +92,7 @@ def test_a_fixed_rear_that_light_misses_is_proposed_wider(backend):
     assert other.efficiency + other.stray > 0.92
 
 
+@pytest.mark.slow
 def test_no_rear_of_several_lenses_is_proposed(backend):
     """The light that misses a face may miss that of another lens."""
     freeform = {"spans": (5, 5), "max_level": 1, "z_freedom": 5.5}

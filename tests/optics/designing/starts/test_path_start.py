@@ -80,7 +80,7 @@ def rel_l2(backend, path, source, half, wanted, rounds=MOST_ROUNDS):
     return float(np.linalg.norm(off) / np.linalg.norm(wanted / wanted.mean())), share, shaped.bent
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(4)
 @pytest.mark.parametrize("name", CASES)
 def test_light_lands_where_the_picture_wants_it(backend, name):
     """But for what 56 spans resolve of a jump on 48 pixels: 0.03 on the axis, else more.

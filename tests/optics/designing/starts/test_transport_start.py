@@ -182,6 +182,7 @@ def test_the_sag_keeps_to_z_freedom(tmp_path, backend, bound):
         assert np.abs(sag.coefficients).max() > 0.9 * bound
 
 
+@pytest.mark.slow
 def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
     """An even ramp on 24 x 24 pixels, by spans of half and a ninth of a pixel: cells for every span."""
     changes = {
@@ -197,6 +198,7 @@ def test_a_mesh_finer_than_pixels_casts_their_light(tmp_path, backend):
     assert max(off) < 0.02
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("level", [4, 5])
 def test_the_finest_mesh_is_seen(tmp_path, backend, level):
     """The map has cells enough to tell the coefficients of the finest level, however few the pixels."""
@@ -210,6 +212,7 @@ def test_the_finest_mesh_is_seen(tmp_path, backend, level):
 CONE = {"source.kind": "point", "source.half_angle": 16.0, "source.distance": 30.0}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("source", [{}, CONE], ids=["parallel", "cone"])
 def test_absorption_is_made_up_for(tmp_path, backend, source):
     """A picture darker to one side asks for a wedge of glass, which takes a share of the light along it."""

@@ -23,6 +23,7 @@ def fitted(system, backend):
     return start, start.fit(system.lens.sags[-1].space.uniform(3)).sag
 
 
+@pytest.mark.slow
 def test_a_wide_far_field_asks_for_slopes_of_a_surface(tmp_path, backend, monkeypatch):
     """Its chart for transport is that of slopes: a sag misses them by a fifth, root mean square, of what it
     misses where angles are the chart, or less."""

@@ -30,7 +30,7 @@ def exported(tmp_path_factory):
     return made
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(9)
 @pytest.mark.parametrize("name", [*SOLIDS, *MESHES])
 def test_every_format_reads_back(name, exported):
     path, files, checks = exported(name)
@@ -56,6 +56,7 @@ def test_mounted_lenses_are_proven(table, tmp_path):
     assert failing(checks) == []
 
 
+@pytest.mark.slow
 def test_a_mounted_round_lens_is_verified(tmp_path):
     disk = Lens(
         FreeformSurface((10.0, 10.0), corners=(10.0, 10.0)),

@@ -66,6 +66,7 @@ EVERY_CASE = [
 ]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("changes", "tracer"), EVERY_CASE)
 def test_the_light_of_a_good_file_agrees(tmp_path, backend, changes, tracer):
     problem, lens = shaped(tmp_path, changes)
@@ -113,6 +114,7 @@ def test_a_wrong_file_is_noticed(tmp_path, backend, tracer, wrong):
     assert ("flux with another fate, relative" in failed(found, system)) == (wrong == "turned")
 
 
+@pytest.mark.slow
 def test_other_light_is_noticed_by_counting_alone(tmp_path, backend, monkeypatch):
     """The z-score compares with cells, and knows nothing of the same rays."""
     system = small_system(tmp_path)

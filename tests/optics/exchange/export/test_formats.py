@@ -37,6 +37,7 @@ def native(tmp_path):
     return tmp_path / "lens.json"
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_passes_and_repeats(tmp_path, name, lens):

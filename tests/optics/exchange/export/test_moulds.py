@@ -177,6 +177,7 @@ def test_a_mesh_of_another_body_shows(tmp_path):
     assert ply_faults(tmp_path, lens, mesh, 0.01, body) == ["edges against the exact surfaces"]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("keys", "options", "words"),
     [

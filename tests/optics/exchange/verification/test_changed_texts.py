@@ -51,6 +51,7 @@ def test_the_lists_are_long_enough():
     assert len(REWRITES) >= 20
 
 
+@pytest.mark.every(6)
 @pytest.mark.parametrize("name", REWRITES)
 def test_a_file_written_otherwise_passes(good, name):
     text = REWRITES[name](good.text, np.random.default_rng(1))
@@ -59,6 +60,7 @@ def test_a_file_written_otherwise_passes(good, name):
     assert failing(text_checks_of(brep_of_text(text)).checks) == []
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", CORRUPTIONS)
 def test_a_damaged_file_is_rejected(good, name):
     """With its lens always; by itself where the second entry says so."""

@@ -28,6 +28,7 @@ def kept(tmp_path_factory):
     return design, design.save(folder / "result")
 
 
+@pytest.mark.slow
 def test_every_level_is_kept_with_its_light_and_gradients(kept):
     design, _ = kept
     assert [level.name for level in design.levels] == ["level 0", "level 1"]

@@ -51,6 +51,7 @@ def made(tmp_path_factory, backend):
     return MonteCarlo(sampled, model, budget, budget.rel_l2 + 0.01)
 
 
+@pytest.mark.slow
 def test_rises_of_single_errors_and_forms_add_up(made):
     shares = made.shares()
     assert sum(shares.values()) == pytest.approx(1.0)
@@ -60,6 +61,7 @@ def test_rises_of_single_errors_and_forms_add_up(made):
     assert made.expected**2 == pytest.approx(made.budget.expected**2 + 4e-4, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_sentences_tell_the_numbers_of_the_record(made):
     data, text = made.data(), " ".join(made.sentences())
     assert f"{data['yield']['value']:.1%} of the lenses" in text

@@ -228,6 +228,7 @@ def test_quiet_keeps_notes_from_stderr(tmp_path, capsys, monkeypatch):
     assert "a note" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_verbose_says_what_is_skipped_as_explain_does(tmp_path, capsys):
     path = str(write_problem(tmp_path))
     assert main(["check", path, "--verbose", "--explain"]) == 0

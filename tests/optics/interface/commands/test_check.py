@@ -25,6 +25,7 @@ def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
         assert word in brief
 
 
+@pytest.mark.slow
 def test_check_does_not_know_how_far_light_misses_a_face(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"source.half_width": [12, 9.5]}))
     assert main(["check", path]) == 0
@@ -91,6 +92,7 @@ def test_check_names_one_remedy_for_a_steep_surface_that_z_freedom_cuts_off(tmp_
     assert said.count("--set 'target.half_width=") == 1
 
 
+@pytest.mark.slow
 def test_check_says_by_what_light_is_blocked(tmp_path, capsys):
     """A bar of 3 % of a beam of 19 mm; it and a clear aperture leave the product of what each leaves."""
     bar = 'stop=[{name="bar", shape="rectangle", half_width=[0.285, 30], position=[3, 0, -1], hole=false}]'
@@ -214,6 +216,7 @@ def test_bounds_by_etendue_are_left_out_where_they_do_not_hold_and_that_is_said(
     assert "universal" not in found
 
 
+@pytest.mark.slow
 def test_light_of_a_spectrum_is_foreseen_in_all_its_wavelengths(tmp_path, capsys, coarse_concentration):
     """Half of it is absorbed by exp(-0.5 d), and none at the wavelength of the design."""
     absorbing = {

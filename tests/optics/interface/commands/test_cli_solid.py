@@ -53,6 +53,7 @@ def copy(named, tmp_path):
 # Metadata
 
 
+@pytest.mark.slow
 def test_the_names_of_a_design_arrive_in_its_step_file(named):
     assert named.code == 0
     step = read_step(named.path / "lens.step")
@@ -68,6 +69,7 @@ def test_the_names_of_a_design_arrive_in_its_step_file(named):
     assert re.search(r"MEASURE\(\s*1\.19\)", text)
 
 
+@pytest.mark.slow
 def test_the_names_survive_verify_and_export(copy, tmp_path, capsys):
     assert main(["verify", str(copy), "--no-optiland"]) == 0
     assert main(["export", str(copy), "--out", str(tmp_path / "again.step")]) == 0
@@ -178,6 +180,7 @@ def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsy
     assert [line for line in said if line.startswith("FAILED")] == lines
 
 
+@pytest.mark.slow
 def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
     assert main(["check", str(write_problem(tmp_path, LIMITS))]) == 0
     notes = [

@@ -194,6 +194,7 @@ def test_interrupted_over_another_problems_checkpoint_it_does_not_promise_to_res
     assert "nothing was kept" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_helpers")
 def test_a_run_that_went_on_with_other_iterations_goes_on_once_more(tmp_path, capsys, monkeypatch):
     """Also where the problem leaves a number to the program: resolved, it is not what was asked for."""
@@ -218,6 +219,7 @@ def test_a_run_that_a_helper_or_the_disk_ends_says_how_it_goes_on(tmp_path, caps
     assert re.search(r"so far.*; to go on: thbcad design .* --resume\n", capsys.readouterr().err)
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_taken_as_it_is_is_taken_again_after_ctrl_c(golden, tmp_path, capsys, monkeypatch):
     """Claims go first, so that nothing but a checkpoint says whose files lie there."""
     problem, out = golden.path / "problem.toml", tmp_path / "out"

@@ -90,6 +90,7 @@ def test_the_choices_are_the_programs_that_packs_are_for():
     assert action.choices == (*PROGRAMS,)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_a_pack_holds_what_its_people_need_and_says_what_each_file_is(packs, program):
     suffix = PROGRAMS[program]["rays"]

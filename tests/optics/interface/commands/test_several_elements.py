@@ -47,6 +47,7 @@ def problem(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_losses_of_the_last_face_are_its_own(problem, capsys, coarse_concentration):
     """All four faces together reflect 15 %, each 4 % at normal incidence: none bends light far."""
     said = printed(capsys, "check", problem, "--explain")

@@ -49,6 +49,7 @@ def test_text_record_and_page_say_the_same_of_polishing_and_cutting(capsys, resu
         assert f"<li>{line}</li>" in page
 
 
+@pytest.mark.slow
 def test_a_picture_of_an_earlier_tool_does_not_stay(result, monkeypatch):
     def figures(findings):
         return [(f"tool_{surface.name}.png", "", b"png") for surface in findings.surfaces]

@@ -21,6 +21,7 @@ EXTENDED = {
 }
 
 
+@pytest.mark.slow
 def test_every_ray_and_every_watt_has_a_fate(capsys, stored):
     folder = stored(EXTENDED)
     done = run(capsys, "trace", folder, "--rays", 64, "--json")

@@ -142,6 +142,7 @@ def test_light_that_may_meet_edges_is_followed(tmp_path, changes, follows):
     assert system_of(tmp_path, changes).by_edges is follows
 
 
+@pytest.mark.slow
 def test_light_in_the_far_field_is_what_leaves_the_lens_in_its_directions(tmp_path, backend):
     """By any of its faces, counted by the tangents of direction alone."""
     system = system_of(tmp_path, {"target.distance": np.inf, "target.half_width": [40.0, 30.0]})
@@ -205,6 +206,7 @@ def test_what_the_walls_send_beside_the_target_is_stray(backend):
     assert metrics["stray"] * flux == pytest.approx(beside, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("half_angle", "changes"),
     [(60.0, {"surface": "sphere", "radius": 15.0}), (30.0, {"tilt": (0.0, 80.0, 0.0)})],

@@ -34,6 +34,7 @@ def closed_form(radius):
     return np.interp(radius, r, intensity * through_face(a) ** 2 * np.sin(a) / (r * slope))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("half_width", "pixels", "most"),
     [((15.0, 15.0), (21, 21), 1e-3), ((15.0, 5.0), (42, 14), 1e-3), ((2.0, 2.0), (21, 21), 0.05)],

@@ -51,6 +51,7 @@ def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
     assert noise == pytest.approx(floors, rel=0.15)  # the floors say the noise of both
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("key", "angles", "axis"),
     [

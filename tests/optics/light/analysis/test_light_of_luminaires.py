@@ -101,6 +101,7 @@ def test_fates_sum_to_the_flux(lamp, more):
     assert fates.by_name["beside_lens"] > 3.0 * back
 
 
+@pytest.mark.slow
 def test_turning_by_half_a_turn_about_z_turns_the_picture(lamp):
     a, b = (
         sequential(s.optical, s.optical.lens, load_backend("double"), 512)[0]

@@ -46,6 +46,7 @@ def metrics(tmp_path, backend):
     return made
 
 
+@pytest.mark.slow
 def test_an_isotropic_point_behind_a_window_has_the_intensity_of_its_cone(metrics):
     """500 lm in a cone of 20 degrees are 500 / (2 pi (1 - cos 20)) cd, less Fresnel's losses."""
     intensity = 500 / (2 * pi * (1 - cos(radians(20))))
@@ -122,6 +123,7 @@ def test_sentences_name_units_and_boxes(metrics):
     assert "; mean 1.276e+06 W/m^2; edge" in plane
 
 
+@pytest.mark.slow
 def test_a_beam_that_fills_the_target_has_no_angle(metrics):
     found = metrics(CONE | {"target.half_width": [15.0, 15.0]})
     assert found["beam"]["beam_angle_c0"] is None

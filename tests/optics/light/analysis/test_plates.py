@@ -80,6 +80,7 @@ def test_rays_for_other_programs_start_at_every_lens(pair, backend):
     assert beside == pytest.approx(np.add(of_one.position, (25.0, 0.0, 0.0)), rel=1e-15)
 
 
+@pytest.mark.slow
 def test_the_intensity_for_other_programs_is_that_of_all_sources(pair, backend):
     plate, one = (outgoing_intensity(system, system.lens, backend, 4096, 10.0) for system in pair(FAR))
     assert plate.flux == pytest.approx(2 * one.flux, rel=TWICE)

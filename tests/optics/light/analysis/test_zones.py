@@ -38,6 +38,7 @@ def measured(folder, backend, zones, **changes):
     return system, measure(system, system.lens, backend)
 
 
+@pytest.mark.slow
 def test_the_rows_of_a_known_light_are_judged_one_by_one(tmp_path, backend):
     """Cells tell the light to 1e-3; within 9 degrees Fresnel's losses change by less."""
     zones = [
@@ -76,6 +77,7 @@ def test_the_rows_of_a_known_light_are_judged_one_by_one(tmp_path, backend):
     assert stored == pytest.approx(fresh, rel=3e-3, abs=1e-6)  # of even light, by wider pixels
 
 
+@pytest.mark.slow
 def test_zones_are_read_over_an_aperture_however_wide_pixels_are(tmp_path, backend):
     """A cone ends at 5 degrees, in the middle between the centres of two pixels, whose means hide it."""
     zone = {"points": [[4.7, 0], [5.3, 0]], "least": 1.0}

@@ -49,6 +49,7 @@ def test_the_transfer_function_is_the_mean_wave_of_random_rays(blur):
         assert abs(found[row, column] - wave) < 5 / np.sqrt(RAYS)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("blur", [*blurs()])
 def test_the_spot_is_the_histogram_of_random_rays(blur):
     """On pixels: second moments agree, and nothing is beyond its reach."""

@@ -44,6 +44,7 @@ def model_of(folder, changes, backend):
     return engine.model(system.shaping, lens, film), lens, system
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("case", CASES)
 def test_derivatives_are_differences(tmp_path, backend, case):
     """Of every pixel; the limit of 1e-4 is that of the differences, which cross borders of pixels."""

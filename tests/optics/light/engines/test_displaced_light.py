@@ -58,6 +58,7 @@ def test_gradient_is_that_of_the_loss(tmp_path, changes, window):
     assert_gradient_of_loss(optics.System(small_problem(tmp_path, NEAR | changes)), (97, 97), window)
 
 
+@pytest.mark.slow
 def test_a_plate_is_designed_for_the_sum_of_its_pictures(tmp_path):
     """Four pixels apart: 0.26 off where one lens is designed alone, and 0.1 now."""
     keys = {

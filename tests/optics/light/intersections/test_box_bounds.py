@@ -47,6 +47,7 @@ def proven(backend, surface, origin, direction, ends, below=True):
     return bounds_of(backend, surface).prove_first(at, rows[1], (first, t), first > -1, ERROR, side).numpy()
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("below", [True, False])
 @pytest.mark.parametrize("name", SOURCES)
 @pytest.mark.parametrize(("slope", "radius"), [(0.3, np.inf), (1.0, -16.0), (3.0, 20.0)])

@@ -118,6 +118,7 @@ def test_single_precision_finds_every_pixel_of_the_largest_screen():
     assert found == {(8 + 4095, 8 + 4095): 1.0, (8 + 4094, 8 + 4094): 2.0, (8 + 4092, 8 + 4095): 4.0}
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("light", [None, 1e5])
 @pytest.mark.parametrize("window", [BoxWindow(), BSplineWindow(3), GaussianWindow(0.3, 4.0)], ids=repr)
 def test_no_order_and_no_number_of_threads_changes_a_bit(backend, window, light):

@@ -82,6 +82,7 @@ def test_half_of_the_rays_makes_the_image_of_all(tmp_path, backend, axes):
     assert half[0].axes == tuple(axes)
 
 
+@pytest.mark.slow
 def test_a_measurement_is_that_of_all_rays(tmp_path, backend, monkeypatch):
     """But for the roulette of light by other ways, whose branches are drawn."""
     system = system_of(tmp_path)

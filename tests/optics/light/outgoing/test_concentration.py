@@ -183,6 +183,7 @@ def test_a_lens_that_no_light_leaves_has_no_concentration(concentrated):
         concentrated(WINDOW | {"lens.rear.half_width": [0.01, 0.01]})
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("tilt", [0.0, 45.0, 75.0])
 def test_a_plane_mirror_concentrates_nothing_however_it_is_turned(backend, tilt):
     face = {"half_width": (10, 40), "freeform": {"z_freedom": 1.0}}
@@ -231,6 +232,7 @@ def folded(first, second, half=15, rear=MappingProxyType({})):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at", "place"), [(440, "behind L1.rear"), (100, "behind L2.rear")])
 def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
     """It puts off what it lies before by t - t / n = 2 mm, and begins `at` mm behind the rear."""
@@ -247,7 +249,7 @@ def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
     assert f" mm {place} vertex" in concentration_sentence(system, found)
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(5)
 @pytest.mark.parametrize(
     ("ways", "place"),
     [
@@ -270,6 +272,7 @@ def test_plane_mirrors_fold_a_focus_and_its_warning_with_it(concentrated, backen
     assert f"{where}(wood may burn" in fire_warning(system, found)
 
 
+@pytest.mark.slow
 def test_the_sentence_says_from_where_to_where_several_elements_were_searched(backend):
     system = folded(100, 100)
     found = greatest_concentration(system, system.lens, backend)

@@ -48,7 +48,7 @@ def test_an_even_intensity_stays_within_the_border(tmp_path, changes):
     assert beside.by_steps(2.5).min_over_mean == pytest.approx(beside.own.min_over_mean, rel=0.02)
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [WIDE, FAR], ids=["plane", "far field"])
 def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path, changes):
     system = small_system(tmp_path, changes | {"target.pixels": [96, 64]})  # below a cell of the photometry

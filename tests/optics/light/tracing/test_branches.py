@@ -53,6 +53,7 @@ def test_slanted_edges_lie_within_their_domains(backend, lens):
         assert (rows[-2:].sum(axis=0) <= rise + 1e-5 * face.size).all()
 
 
+@pytest.mark.slow
 def test_the_roulette_ends_branches_soon_and_keeps_their_flux(backend, monkeypatch):
     generations, meet = [], ClosedLens.meet
     monkeypatch.setattr(ClosedLens, "meet", lambda *a: generations.append(len(a[1].ray)) or meet(*a))

@@ -44,7 +44,7 @@ def asked(names, often):
     ]
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(6)
 @pytest.mark.parametrize(("name", "step"), asked([*HARD, *QUICK], lambda name: not name.startswith(SAMPLED)))
 def test_rays_are_exact_to_the_rounding_of_their_data(backend, name, step):
     require_exact(backend, name, step)

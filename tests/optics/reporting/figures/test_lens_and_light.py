@@ -105,6 +105,7 @@ def test_no_label_of_a_picture_is_cut_off(name, monkeypatch):
         assert (side == 255).all()
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("name", sorted(set(PLANES) - {"offset"}))  # whose data are rounded
 def test_every_pixel_of_a_picture_takes_the_same_whole_number_of_pixels_in_the_figure(name):
     png, values = plane(name)

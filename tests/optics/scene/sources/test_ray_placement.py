@@ -77,6 +77,7 @@ def test_a_thinned_set_fills_position_and_direction_more_evenly_than_chance(coun
     assert np.mean(ordered) < 0.5 * np.mean(chance)
 
 
+@pytest.mark.slow
 def test_the_radiance_of_a_lambertian_square_of_one_watt():
     """Flux over area and projected solid angle, 318 310 W / (sr m^2), from a million rays.
 

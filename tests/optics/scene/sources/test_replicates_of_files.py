@@ -64,7 +64,7 @@ def test_the_noise_of_a_file_is_told_wherever_its_light_stands(tmp_path):
     assert floors["array"] == pytest.approx(floors["lone"], rel=0.3)
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 def test_the_noise_of_light_by_other_ways_is_that_of_files(tmp_path, place):
     """Of eight lenses, each lit by another file of the same lamp."""

@@ -85,6 +85,7 @@ def advised_of_zones(zone, flux, half_width=(200, 100)):
     return advice(solvable_system(flat_problem(source, target, {"rear": rear})))
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     ("zone", "flux", "missed", "remedy", "changes"),
     [

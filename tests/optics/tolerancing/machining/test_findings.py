@@ -169,6 +169,7 @@ def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, chan
     assert surface.largest_pitch == pytest.approx(surface.pitch)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     ("changes", "times", "why"),
     [

@@ -60,6 +60,7 @@ def in_rows(points: np.ndarray) -> np.ndarray:
     return points[:, np.lexsort(points[:2])]
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     ("content", "within"),
     [

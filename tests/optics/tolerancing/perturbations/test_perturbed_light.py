@@ -173,7 +173,7 @@ def nominal(light):
     return light(NOMINAL)
 
 
-@pytest.mark.every(2)
+@pytest.mark.slow
 @examples(20)
 @given(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), st.floats(-0.05, 0.25))
 def test_a_wider_beam_that_still_covers_the_lens_gives_it_the_same_light(

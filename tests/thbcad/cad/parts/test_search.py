@@ -53,7 +53,7 @@ def moved_bits(part, lens):
     return sum(found[name].differing(surface_numbers(own)) for name, own in placed.surfaces.items())
 
 
-@pytest.mark.every(4)
+@pytest.mark.every(8)
 @pytest.mark.parametrize("name", LENSES)
 @pytest.mark.parametrize("motion", [None, *MOTIONS])
 def test_a_mounted_and_moved_lens_reads_back_bit_for_bit(name, motion, tmp_path):

@@ -54,6 +54,7 @@ def written(request, tmp_path_factory):
 # ---- solids ----
 
 
+@pytest.mark.every(3)
 def test_the_solid_is_closed_and_keeps_every_pole(written):
     lens, semi_axes, part, _, read = written
     assert_sound(lens, part, read, 10 if semi_axes else 16)
@@ -86,6 +87,7 @@ def test_volumes_agree(written):
     assert solid_volume(read.shape, 1e-6) == pytest.approx(wanted, rel=1e-6)
 
 
+@pytest.mark.every(4)
 def test_the_flange_has_its_planes_and_its_width(written):
     lens, semi_axes, _, path, _ = written
     solid = build123d.import_step(path).solids()[0]

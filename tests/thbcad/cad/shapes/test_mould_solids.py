@@ -61,7 +61,7 @@ def moulded(request):
     return body, part, part_step(part, Product(), "AP242")
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(6)
 def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
     body, part, _ = moulded
     assert_whole(SolidState(part.solid), body.face_count)
@@ -69,7 +69,7 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
         assert same_bits(optical_form(face), form)
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(4)
 def test_the_text_of_its_file_holds_the_volume(moulded):
     """By quadrature without OCCT, to the 1e-9 of edges that lie within 1e-9 mm."""
     body, _, file = moulded
@@ -98,6 +98,7 @@ def test_build123d_finds_the_draft_in_the_file(moulded, tmp_path):
     assert np.degrees(angles) == pytest.approx(draft, abs=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("lens", "options", "words"),
     [

@@ -167,6 +167,7 @@ def test_the_volume_is_the_lens_volume(written):
         assert solid_volume(solid, 1e-7) == pytest.approx(lens.volume(), rel=1e-6)
 
 
+@pytest.mark.every(4)
 def test_faces_read_back_lie_on_the_surfaces(written):
     """OCCT evaluates what it read, in the order of the names; the lens evaluates its THB surface."""
     lens, part, _, shape = written
@@ -184,6 +185,7 @@ def test_faces_read_back_lie_on_the_surfaces(written):
         assert abs(value(surface, vertex, x, y) - z).max() <= allowed(lens)
 
 
+@pytest.mark.every(4)
 def test_the_deviation_of_the_file_is_rounding(written):
     lens, _, path, _ = written
     assert patched_deviation(path, lens) <= allowed(lens)

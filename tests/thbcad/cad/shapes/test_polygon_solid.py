@@ -44,6 +44,7 @@ def written(request, tmp_path_factory):
     return lens, corners, part, brep_of_text(path.read_text()), read_step(path)
 
 
+@pytest.mark.every(4)
 def test_the_solid_is_closed_and_keeps_every_pole(written):
     lens, corners, part, text, read = written
     assert_sound(lens, part, read, 2 + len(corners))
@@ -56,6 +57,7 @@ def has_curved_conic(lens):
     return any(isinstance(form, PlacedConic) and form.kind != "PLANE" for form in optical_forms(lens))
 
 
+@pytest.mark.every(4)
 def test_edges_lie_on_their_faces(written):
     lens, *_, text, _ = written
     distance, left = image_distance(text)
