@@ -108,7 +108,7 @@ def step_trip(system: OpticalSystem, lens: Lens, backend: Backend, folder: Path)
         "verify solid, poles, landing points, irradiance", lambda: verify(system, lens, file, backend)
     )
     if optiland_available():
-        checks += timed(OPTILAND, lambda: optiland_checks(system, lens, file, backend))
+        checks += timed(OPTILAND, lambda: optiland_checks(system, lens, file))
     return Trip(read, seconds, checks, path.stat().st_size / 1e6)
 
 

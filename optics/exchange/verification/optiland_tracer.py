@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.base.runtime import Backend, Check
+from optics.base.runtime import Check
 from optics.exchange.verification.independent_checks import RAYS
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.step_file import StepFile
@@ -54,17 +54,15 @@ def optiland_available() -> bool:
     return find_spec("optiland") is not None
 
 
-def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
     """Return the Checks of a STEP file by optiland's trace of about 500 rays of the problem's source.
 
     The faces are traced with the poles and knots that OCCT reads in the file.
-    backend : of double precision.
 
     Raises ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    difference = compared(
-        system, lens, backend, RAYS, tracer_by_optiland(file, None if system.reflects else lens.index)
-    )
+    tracer = tracer_by_optiland(file, None if system.reflects else lens.index)
+    difference = compared(system, lens, system.backend, RAYS, tracer)
     return difference.checks(system.traced_within, "optiland's trace of the file")
 
 

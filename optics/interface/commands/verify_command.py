@@ -5,11 +5,23 @@ an independent program makes its light.
 from __future__ import annotations
 
 from argparse import Namespace
+from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from optics.base.runtime import Backend, Check, UserError, check_lines, note, reading, verification
+from optics.base.runtime import (
+    Backend,
+    Check,
+    HelperProcess,
+    UserError,
+    check_lines,
+    note,
+    process_for,
+    reading,
+    verification,
+)
 from optics.exchange.results import SCENE, ResultFolder, require_own, writable_folder, write_recorded
 from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
@@ -154,7 +166,8 @@ def verify(options: Namespace) -> Outcome:
             file.read()
         checks, left_out = bare_checks(file)
     else:
-        checks, notes, light = _folder_checks(path, options.optiland, request)
+        with process_for("optiland", forked=True) if options.optiland else nullcontext() as beside:
+            checks, notes, light = _folder_checks(path, beside, request)
         checks += _light_checks(path)
     checked = verification(checks) | {"notes": notes, "left_out": left_out}
     lines = check_lines(checked)
@@ -176,25 +189,30 @@ def _light_checks(path: Path) -> list[Check]:
 
 
 def _folder_checks(
-    path: Path, by_optiland: bool, request: LightRequest | None
+    path: Path, beside: HelperProcess | None, request: LightRequest | None
 ) -> tuple[list[Check], list[str], FileLight | None]:
-    """Return the checks of the STEP file of a result folder, notes, and the light that is asked for."""
+    """Return the checks of the STEP file of a result folder, notes, and the light that is asked for.
+
+    beside : where optiland traces the file; None is nowhere.
+    """
     from optics.exchange.verification import (  # OCCT
         fresh_export_checks,
         optiland_available,
-        optiland_checks,
         other_part_checks,
         prescription_checks,
         text_and_occt_checks,
         verify as run,
     )
 
+    if beside and optiland_available():
+        beside.ask("optics.base.runtime", "load", "optiland.geometries", "NurbsGeometry")
     folder = ResultFolder(path)
     system, lens, _ = folder.read()
-    problem, backend = system.problem, system.backend
     file = StepFile(folder.step)
     with reading(file.path):
         file.read_lens()
+    by_optiland = _by_optiland(beside, system, lens, file) if beside else None
+    problem, backend = system.problem, system.backend
     designed = designed_part(system, lens)
     checks, notes = fresh_export_checks(designed, problem.export.schema, file)
     checks += prescription_checks(problem, lens, given=not folder.read_history())
@@ -214,15 +232,29 @@ def _folder_checks(
             checks += scene_checks(system, lens, folder.path / SCENE)
             checks.append(scene_text_check(system, lens, folder.path / SCENE, files))
     checks += limit_checks(problem, manufactured(system, lens)) + other_limit_checks(system)
-    if by_optiland and len(system.own_faces) > 2:
-        note("optiland does not trace the file: it traces no reflection inside a lens")
-    elif by_optiland and not file.has_rims:
-        note("optiland does not trace the file: the rims beside its roundings are splines that are not read")
-    elif by_optiland and optiland_available():
-        checks += optiland_checks(system, lens, file, backend)
-    elif by_optiland:
-        note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
+    checks += by_optiland.result() if by_optiland else []
     if request is None:
         return checks, notes, None
     light = request.answered(system, lens, file, backend)
     return checks + light.checks, notes, light
+
+
+def _by_optiland(
+    beside: HelperProcess, system: OpticalSystem, lens: Lens, file: StepFile
+) -> Future[list[Check]] | None:
+    """Return what optiland will find in a file, in a process beside this one; None where it traces no such.
+
+    To load it and to trace takes as long as all other checks.
+    """
+    from optics.exchange.verification import optiland_available  # OCCT
+
+    if len(system.own_faces) > 2:
+        note("optiland does not trace the file: it traces no reflection inside a lens")
+    elif not file.has_rims:
+        note("optiland does not trace the file: the rims beside its roundings are splines that are not read")
+    elif not optiland_available():
+        note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
+    else:
+        room = "optics.exchange.verification"
+        return beside.ask(room, "optiland_checks", system.plain, lens, StepFile(file.path))
+    return None

@@ -52,7 +52,7 @@ def test_every_program_traces_the_file(tmp_path, backend, front, rear):
     checks = [
         *text_and_occt_checks(system, lens, file, backend),
         *verify(system, lens, file, backend),
-        *optiland_checks(system, lens, file, backend),
+        *optiland_checks(system, lens, file),
         *bare_checks(file).checks,
     ]
     assert failing(checks) == []
