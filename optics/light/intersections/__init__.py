@@ -15,8 +15,8 @@ if TYPE_CHECKING:
         raised_hits,
         rim_fade,
     )
+    from optics.light.intersections.placed_surface import PlacedSurface
     from optics.light.intersections.ray_roots import first_crossing, last_root
     from optics.light.intersections.searched_intersections import SearchedHits
-    from optics.light.intersections.spline_table import PlacedSurface
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

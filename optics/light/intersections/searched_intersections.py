@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.intersections.box_bounds import Bounds, box_bounds, slope_bounds
+from optics.light.intersections.first_meetings import Approach, FirstMeetings, steepest_slope
 from optics.light.intersections.hits import Hits, Vector, gauge
-from optics.light.intersections.proven_steps import Fall, first_fall, rounding_errors
 from optics.light.intersections.ray_roots import conic_distance, conic_jet, falling_root
 from optics.light.intersections.spline_table import PolynomialTable, PowerForm
 from thbcad.checks import Floats
@@ -22,16 +20,6 @@ from thbcad.splines import KnotVector
 Surface = Callable[[DrArray, DrArray], list[DrArray]]  # x, y -> z, zx, zy, zxx, zxy, zyy
 
 ABOVE = 1e-3  # of the half-width: room above the highest point of a surface, against rounding
-
-
-@dataclass(frozen=True, eq=False)
-class _Shape:
-    """A surface with its sag: a height above it, mm, its greatest slope, and the sag's PowerForm."""
-
-    jet: Surface
-    top: float
-    steepest: float
-    sag: PowerForm | None
 
 
 class SearchedHits:
@@ -64,11 +52,8 @@ class SearchedHits:
         half_width = outline.half_width
         self._outline = outline
         self._proven = proven and knots is not None
-        self._knots = knots or ()
-        self._slope = float(np.hypot(conic(*half_width, (1, 0)), conic(*half_width, (0, 1))))
         self._backend, self._conic, self._half_width = backend, conic, half_width
         self._table = None if knots is None else PolynomialTable(backend, knots)
-        self._size = backend.opaque(max(half_width))
         self._unit = backend.opaque(backend.resolution * max(half_width))
         self._top = max(0.0, float(conic(*half_width))) + ABOVE * max(half_width)
         resolution = backend.resolution
@@ -80,18 +65,17 @@ class SearchedHits:
 
         origin : mm, z from the surface's vertex.  net : of the sag, needed just where the surface has one.
         """
-        top, steepest, sag, power = self._top, self._slope, None, None
+        dr, sag, power, top = self._backend.dr, None, None, self._top
         if self._table is not None and net is not None:
             sag = self._table.form(net)
             power = self._backend.Float(sag.table)
             top += max(0.0, float(net.max()))
-            steepest += sag.steepest
-        dr, shape = self._backend.dr, _Shape(partial(self._surface, power), top, steepest, sag)
+        surface = partial(self._surface, power)
         with dr.suspend_grad():
             o, d = ([dr.detach(a) for a in v] for v in (origin, direction))
-            t, first, last, resolved = self._search(shape, o, d)
+            t, first, last, resolved = self._search(surface, sag, top, o, d)
             x, y = self._clip(o[0] + t * d[0], o[1] + t * d[1])
-            jet = shape.jet(x, y)
+            jet = surface(x, y)
             speed = d[2] - jet[1] * d[0] - jet[2] * d[1]
             hit = (
                 (dr.abs(jet[0] - (o[2] + t * d[2])) < self._resolution(o))
@@ -128,71 +112,49 @@ class SearchedHits:
         return table.pull_back(*hits.at, hits.taken_gradients())
 
     def _search(
-        self, shape: _Shape, o: list[DrArray], d: list[DrArray]
+        self, surface: Surface, sag: PowerForm | None, top: float, o: list[DrArray], d: list[DrArray]
     ) -> tuple[DrArray, DrArray, DrArray, DrArray]:
         """Return (ray parameter, t_0, t_1, resolved); a resolved ray that is not on the surface misses it.
 
+        top : mm, a height above the surface.
         resolved : the search came to an end; with `proven`, with a proof.
         """
-        dr = self._backend.dr
-        first, last = self._span(o, d, self._backend.opaque(shape.top))
+        backend, dr = self._backend, self._backend.dr
+        first, last = self._span(o, d, backend.opaque(top))
         if self._first is not None and dr.width(self._first) == dr.width(first):
             t = self._first
         else:
-            t = conic_distance(self._backend, self._conic, o, d)
+            t = conic_distance(backend, self._conic, o, d)
         above = first < last
         t = dr.select((t > first) & (t < last), t, 0.5 * (first + last))
         t = dr.select(above, t, 0)  # a number also for rays that are never above the rectangle
-        search = partial(falling_root, self._backend, partial(self._fall, shape, o, d))
-        tolerance, unknown = self._settled * self._resolution(o), dr.zeros(self._backend.Index, dr.width(t))
+
+        def f(t: DrArray) -> tuple[DrArray, DrArray]:
+            z, zx, zy, *_ = surface(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
+            return z - (o[2] + t * d[2]), d[2] - zx * d[0] - zy * d[1]
+
+        search = partial(falling_root, backend, f)
+        tolerance, unknown = self._settled * self._resolution(o), dr.zeros(backend.Index, dr.width(t))
         t, low, high, active = search(t, first, last, unknown, above, tolerance)
         resolved = dr.isfinite(sum(o) + sum(d))
-        if self._proven and shape.sag is not None:
-            steep = self._backend.opaque(shape.steepest * (1 + self._backend.resolution))
-            doubtful = above & (steep * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
+        if not self._proven or sag is None:
+            return t, first, last, resolved & ~active
+        steepest = steepest_slope(self._conic, self._half_width, sag) * (1 + backend.resolution)
+        doubtful = above & (backend.opaque(steepest) * dr.sqrt(d[0] * d[0] + d[1] * d[1]) >= d[2])
+        if dr.any(doubtful):
+            meetings = FirstMeetings(backend, self._conic, self._half_width, sag)
+            rays = Approach(lambda t: [a + t * b for a, b in zip(o, d)], d, f)
+            met = doubtful & ~active & (low < high)
+            doubtful &= ~meetings.slopes.prove_first(rays.at, d, (first, t), met, self._resolution(o))
+            dr.eval(t, active, doubtful)
             if dr.any(doubtful):
-                bounds = slope_bounds(self._backend, self._conic, self._half_width, shape.sag.bounds)
-                met = doubtful & ~active & (low < high)
-                doubtful &= ~bounds.prove_first(
-                    lambda t: [a + t * b for a, b in zip(o, d)], d, (first, t), met, self._resolution(o)
-                )
-                dr.eval(t, active, doubtful)
-            if dr.any(doubtful):
-                fall = self._first_fall(shape, o, d, (first, last), doubtful)
-                if self._backend.dtype is np.float64:
+                fall = meetings.fall(rays, (first, last), doubtful, meetings.error(o), doubtful & False)
+                if backend.dtype is np.float64:
                     resolved &= fall.resolved | ~doubtful
                 known = dr.select(fall.low < fall.high, 1, unknown)
                 found, _, _, searched = search(fall.low, fall.low, fall.high, known, doubtful, tolerance)
                 t, active = dr.select(doubtful, found, t), dr.select(doubtful, searched, active)
         return t, first, last, resolved & ~active
-
-    def _fall(self, shape: _Shape, o: list[DrArray], d: list[DrArray], t: DrArray) -> tuple[DrArray, DrArray]:
-        """Return f and -f' at a ray parameter."""
-        z, zx, zy, *_ = shape.jet(*self._clip(o[0] + t * d[0], o[1] + t * d[1]))
-        return z - (o[2] + t * d[2]), d[2] - zx * d[0] - zy * d[1]
-
-    def _first_fall(
-        self,
-        shape: _Shape,
-        o: list[DrArray],
-        d: list[DrArray],
-        interval: tuple[DrArray, DrArray],
-        doubtful: DrArray,
-    ) -> Fall:
-        """Return the first Fall of doubtful rays through the surface."""
-        backend, sag = self._backend, shape.sag
-        assert sag is not None
-        boxes = box_bounds(backend, self._conic, self._half_width, sag.bounds)
-        bounds = rounding_errors(backend, self._knots, sag.moduli, shape.steepest)
-        fixed, per_length, slope_error = map(backend.opaque, bounds)
-        errors = fixed + per_length * (self._size + sum(abs(a) for a in o)), slope_error
-
-        def along(t: DrArray) -> tuple[DrArray, DrArray, Bounds]:
-            value, fall = self._fall(shape, o, d, t)
-            point = *self._clip(o[0] + t * d[0], o[1] + t * d[1]), o[2] + t * d[2]
-            return value, -fall, boxes.along(point, d, errors[0])
-
-        return first_fall(backend, along, interval, doubtful, errors, doubtful & False)
 
     def _span(self, o: list[DrArray], d: list[DrArray], top: DrArray) -> tuple[DrArray, DrArray]:
         """Return the ray parameters between which a ray is above the rectangle and not above `top`."""
