@@ -42,6 +42,9 @@ STILL = 0.01
 FAR, NEAR, LAST = 32.0, 8.0, 0.8
 FOUND = 0.25, 0.75  # of the promised gain: sigma falls below the first and rises above the second
 CHANGE = 0.8  # of sigma
+# of the promised gain, and of sigma: where so much is lost the cells limit the gain and no longer the method,
+# at any sigma (on pearl's finer grids three times the promise, whether sigma is 6 or 0.8)
+LOST = -1.0, 0.5
 DARK = -1e6  # potential of a cell without light: below all others, in the squared width of the rectangle
 ROUNDING = 1e-15  # of a gain, in the same unit
 # of five cells: the slope at each of the parabola that fits them; of three: the value of the line that does
@@ -114,7 +117,9 @@ class _Dual:
         psi = self._transformed(phi, g)
         gain = np.mean(phi * g) + np.mean(psi * f) - before
         promised = sigma * np.mean(missing * direction)
-        if gain < FOUND[0] * promised + ROUNDING:
+        if gain < LOST[0] * promised - ROUNDING:
+            sigma *= LOST[1]
+        elif gain < FOUND[0] * promised + ROUNDING:
             sigma *= CHANGE
         elif gain > FOUND[1] * promised:
             sigma /= CHANGE
