@@ -11,11 +11,13 @@ from optics.base.runtime import Check, reading
 from optics.exchange.assemblies.light_checks import ELSEWHERE, UNKNOWN, light_checks
 from optics.exchange.assemblies.light_proof import PartLight
 from optics.exchange.verification import (
-    occt_trace,
-    optiland_trace,
+    FileFace,
+    RaysBehind,
+    occt_through,
+    optiland_through,
     same_surface,
     state_checks,
-    trace_step,
+    through_faces,
     whole_checks,
 )
 from optics.light.tracing import LandingPoints
@@ -45,7 +47,7 @@ from thbcad.io import (
     points_of,
     read_file,
 )
-from thbcad.lens import LENS_SIDES, MIRROR_SIDES, Lens, OpticalForm, optical_forms
+from thbcad.lens import LENS_SIDES, MIRROR_SIDES, Lens, optical_forms
 
 PLACEMENT = "ITEM_DEFINED_TRANSFORMATION"
 TOLERANCE = 1e-6  # mm, as of a lens by itself
@@ -194,13 +196,6 @@ def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:
     return checks
 
 
-class Surfaces(NamedTuple):
-    """Front and rear, as the reference tracer takes them."""
-
-    front: OpticalForm
-    rear: OpticalForm
-
-
 def landing_checks(placed: PlacedLens, part: PartLight, by_optiland: bool) -> list[Check]:
     """Return the Checks of the landing points of rays through the faces of a part against those through the
     lens in memory.
@@ -209,24 +204,24 @@ def landing_checks(placed: PlacedLens, part: PartLight, by_optiland: bool) -> li
     optiland where it is wanted; the lens in memory by scipy.  Their fates count where the light is proven to
     be free: elsewhere trims may stop rays that are none of the light.
     """
-    lens = part.lens
-    origins, directions = _rays(part)
-    target = receiver_at(lens.thickness + DISTANCE)
-    flux = np.ones(len(origins))
-    wanted = trace_step(Surfaces(*optical_forms(lens)), origins, directions, flux, lens.index, target)
-    programs = {
-        "OCCT's intersections": occt_trace(part.solid, part.optical, origins, directions, lens.index, target)
-    }
+    rays, index = _rays(part), part.lens.index
+    target = receiver_at(part.lens.thickness + DISTANCE)
+    front, rear = optical_forms(part.lens)
+    wanted = through_faces([FileFace(front, 1 / index), FileFace(rear, index)], rays).landing(target)
+    crossed = [(0, 1 / index), (1, index)]
+    programs = {"OCCT's intersections": occt_through(part.solid, part.optical, rays, crossed)}
     if by_optiland:
-        programs["optiland's trace"] = optiland_trace(*placed.forms, origins, directions, lens.index, target)
+        programs["optiland's trace"] = optiland_through(*placed.forms, rays, index)
     return [
-        check for name, found in programs.items() for check in _compared(name, found, wanted, part.proven)
+        check
+        for name, behind in programs.items()
+        for check in _compared(name, behind.landing(target), wanted, part.proven)
     ]
 
 
-def _rays(part: PartLight) -> tuple[Floats, Floats]:
-    """Return origins (n, 3) a little before the lit part of the front, and directions (n, 3): parallel to z,
-    from the middle of the source, or from a point where that is not known."""
+def _rays(part: PartLight) -> RaysBehind:
+    """Return rays of 1 W from a little before the lit part of the front: parallel to z, from the middle of
+    the source, or from a point where that is not known."""
     front = part.lens.front
     x, y = (WITHIN * h * np.linspace(-1, 1, n) for h, n in zip(front.half_width, RAYS))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -237,7 +232,7 @@ def _rays(part: PartLight) -> tuple[Floats, Floats]:
         size = max(part.lens.front.half_width)
         onward = points - (SOURCE * size if part.system is None else np.array(part.system.source.middle))
         onward = onward / np.linalg.norm(onward, axis=1, keepdims=True)
-    return points - BEFORE * onward, onward
+    return RaysBehind(points - BEFORE * onward, onward, np.ones(len(points)))
 
 
 def _compared(name: str, found: LandingPoints, wanted: LandingPoints, by_fate: bool) -> list[Check]:

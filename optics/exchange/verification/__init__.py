@@ -5,10 +5,10 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from .independent_checks import other_part_checks, text_and_occt_checks, tracer_by_occt
     from .lone_file import bare_checks
-    from .occt_tracer import occt_trace
-    from .optiland_tracer import optiland_available, optiland_checks, optiland_trace, tracer_by_optiland
+    from .occt_tracer import occt_through
+    from .optiland_tracer import optiland_available, optiland_checks, optiland_through, tracer_by_optiland
     from .rays_behind import RaysBehind, last_step
-    from .reference_tracer import trace_step
+    from .reference_tracer import FileFace, through_faces, trace_step
     from .same_design import fresh_export_checks, prescription_checks, same_surface
     from .solid_text import whole_checks
     from .step_checks import (

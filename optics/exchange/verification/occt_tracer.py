@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optics.exchange.verification.rays_behind import RaysBehind
-from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
 from thbcad.cad.exchange import face_hits
 from thbcad.checks import Floats
 
@@ -18,23 +16,6 @@ if TYPE_CHECKING:
 
 
 Crossed = tuple[int, float | None]  # front or rear (0, 1), and index before / behind; None reflects all
-
-
-def occt_trace(
-    solid: TopoDS_Shape,
-    optical: tuple[int, int],
-    origins: Floats,
-    directions: Floats,
-    index: float | None,
-    target: Receiver,
-) -> LandingPoints:
-    """Trace rays of 1 W through the front and the rear of a solid to a target, as `occt_through`.
-
-    origins, directions : (n, 3) float, mm and unit vectors.
-    """
-    rays = RaysBehind(origins, directions, np.ones(len(origins)))
-    faces = [(0, None)] if index is None else [(0, 1 / index), (1, index)]
-    return occt_through(solid, optical, rays, faces).landing(target)
 
 
 def occt_through(

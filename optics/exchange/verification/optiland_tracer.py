@@ -28,8 +28,6 @@ from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
 from optics.exchange.verification.traced_faces import FaceRim
-from optics.light.tracing import LandingPoints
-from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Bools, Floats, Integers
 from thbcad.lens import Lens, OpticalForm
@@ -69,23 +67,6 @@ def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[C
 def tracer_by_optiland(file: StepFile, index: float | None) -> Callable[[RaysBehind], RaysBehind]:
     """Return the trace of rays through the faces that OCCT reads in a file, as `optiland_through`."""
     return partial(optiland_through, file.solid.front, file.solid.rear, index=index, rims=file.rims)
-
-
-def optiland_trace(
-    front: OpticalForm,
-    rear: OpticalForm,
-    origins: Floats,
-    directions: Floats,
-    index: float | None,
-    target: Receiver,
-    rims: Sequence[FaceRim] = (),
-) -> LandingPoints:
-    """Trace rays of 1 W through two faces to a target, as `optiland_through`.
-
-    origins, directions : (n, 3) float, mm and unit vectors.
-    """
-    rays = RaysBehind(origins, directions, np.ones(len(origins)))
-    return optiland_through(front, rear, rays, index, rims).landing(target)
 
 
 def optiland_through(

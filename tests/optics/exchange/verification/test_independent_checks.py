@@ -10,7 +10,8 @@ import pytest
 
 from optics.exchange.verification.independent_checks import text_and_occt_checks
 from optics.exchange.verification.lone_file import _axis, bare_checks
-from optics.exchange.verification.occt_tracer import occt_trace
+from optics.exchange.verification.occt_tracer import occt_through
+from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.step_file import StepFile, optical_faces
 from optics.scene.receivers import receiver_at
 from optics.scene.system import OpticalSystem
@@ -87,6 +88,12 @@ def test_a_lens_of_another_index_than_the_problem_names_is_traced_with_its_own(t
     assert next(c for c in checks if c.name == LANDING).ok
 
 
+def occt_trace(solid, origins, directions, index, target):
+    """Return where rays of 1 W land that OCCT traces through the first two faces of a solid."""
+    rays = RaysBehind(origins, directions, np.ones(len(origins)))
+    return occt_through(solid, (0, 1), rays, [(0, 1 / index), (1, index)]).landing(target)
+
+
 def test_rays_land_where_snells_law_in_angles_sends_them():
     """A plano-convex paraboloid, rays in a meridional plane: tan and arcsin against OCCT's faces."""
     lens = small_lens(rear=Conic(-40.0, -1.0))
@@ -95,9 +102,7 @@ def test_rays_land_where_snells_law_in_angles_sends_them():
     at_rear = rays.to(6.0 - r**2 / 80)
     expected = at_rear.refracted(-r / 40, 1.5, 1.0).to(60.0).r
     origins = np.column_stack([r, np.zeros_like(r), np.full_like(r, -20.0)])
-    found = occt_trace(
-        lens_solid(lens), (0, 1), origins, np.tile([0.0, 0.0, 1.0], (19, 1)), 1.5, receiver_at(60.0)
-    )
+    found = occt_trace(lens_solid(lens), origins, np.tile([0.0, 0.0, 1.0], (19, 1)), 1.5, receiver_at(60.0))
     np.testing.assert_allclose(found.points[:, 0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.points[:, 1], 0, rtol=0, atol=1e-12)
     # 0.96 = 4 n / (n + 1)^2 at the plane front; the oracle's Fresnel needs an angle, which r = 0 has not
@@ -112,7 +117,7 @@ def test_lost_rays_land_nowhere():
     origins = [[12.0, 0, -5], [9.9, 0, -5], [9.0, 0, -5], [0, 0, -5]]
     directions = np.array([[0, 0, 1.0], [0.1, 0, 1.0], [0, 0, 1.0], [0, 0, 1.0]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = occt_trace(lens_solid(lens), (0, 1), np.array(origins), directions, 1.5, receiver_at(60.0))
+    found = occt_trace(lens_solid(lens), np.array(origins), directions, 1.5, receiver_at(60.0))
     np.testing.assert_array_equal(np.isfinite(found.points).all(axis=1), [False, False, False, True])
     np.testing.assert_array_equal(found.flux > 0, [False, False, False, True])
 

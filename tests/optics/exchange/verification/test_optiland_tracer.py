@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from optics.exchange.verification import optiland_tracer as module
-from optics.exchange.verification.optiland_tracer import optiland_available, optiland_checks, optiland_trace
+from optics.exchange.verification.optiland_tracer import optiland_available, optiland_checks, optiland_through
+from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import trace_step
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Profile, lambertian_parts
@@ -28,6 +29,12 @@ FATE = "rays with another fate by optiland's trace of the file"
 LANDING = "landing points by optiland's trace of the file"
 IRRADIANCE = "irradiance by optiland's trace of the file, relative"
 ALONG = np.array([0.0, 0.0, 1.0])
+
+
+def optiland_trace(front, rear, origins, directions, index, target):
+    """Return where rays of 1 W land that optiland traces through two faces."""
+    rays = RaysBehind(origins, directions, np.ones(len(origins)))
+    return optiland_through(front, rear, rays, index).landing(target)
 
 
 def along_axis(x, y):
