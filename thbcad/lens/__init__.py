@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     )
     from .dense_sampling import DenseGrid, dense_grid
     from .freeform_surface import FreeformSurface
-    from .graph_pieces import segment
+    from .graph_pieces import segment, steepest
     from .lens import Lens
     from .manufacture_bounds import (
         NM_PER_MM,

@@ -25,7 +25,7 @@ from thbcad.certified import (
     supports_of,
 )
 from thbcad.checks import Floats
-from thbcad.lens import Lens
+from thbcad.lens import Lens, steepest
 from thbcad.splines import BSplineSurface, KnotVector, tensor_apply
 
 CELLS = 16  # of a surface in each direction, between which its heights are bounded
@@ -66,17 +66,17 @@ def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, 
         exact = lens.front.outline == lens.rear.outline and sharp
         return LightHulls({"front to rear": glass}, full, _prisms(full, heights), None, exact)
     low, high = heights[0] - BEYOND, heights[1] + BEYOND
-    source, steepest = system.source.envelope()
+    source, widest = system.source.envelope()
     up = [float(whole["front"].heights.max() - z) for z in (source.heights.min(), source.heights.max())]
-    lit = {"front": np.minimum(full["front"], source.supports.max(axis=0) + _grown(steepest, up[0]))}
+    lit = {"front": np.minimum(full["front"], source.supports.max(axis=0) + _grown(widest, up[0]))}
     deep = float(whole["rear"].heights.max() - whole["front"].heights.min())
-    inside = _grown(_inner_angle(lens, steepest), deep)
+    inside = _grown(_inner_angle(lens, widest), deep)
     lit["rear"] = np.minimum(full["rear"], lit["front"] + inside)
     surfaces = _surfaces(lens, lit)
-    source = Stack(source.heights, np.minimum(source.supports, lit["front"] + _grown(steepest, up[0])))
+    source = Stack(source.heights, np.minimum(source.supports, lit["front"] + _grown(widest, up[0])))
     if system.source.from_afar:  # it comes from before all of the part
         back = min(low, float(source.heights.min()))
-        source = Stack(np.array([back]), source.supports + _grown(steepest, float(source.heights[0]) - back))
+        source = Stack(np.array([back]), source.supports + _grown(widest, float(source.heights[0]) - back))
     if source.heights.max() < low < surfaces["front"].heights.min():
         source = source.towards(surfaces["front"], low)
     lit_target = _lit_target(system)
@@ -95,19 +95,13 @@ def _grown(degrees: float, along: float) -> float:
     return inf if degrees > STEEPEST else max(along, 0.0) * tan(radians(degrees))
 
 
-def _inner_angle(lens: Lens, steepest: float) -> float:
-    """Return the greatest angle of light from z behind the front, degrees."""
+def _inner_angle(lens: Lens, widest: float) -> float:
+    """Return the greatest angle of light from z behind the front, degrees.  widest : that before it."""
     if lens.front.is_plane:
-        return float(np.degrees(asin(sin(radians(min(steepest, 90.0))) / lens.index)))
+        return float(np.degrees(asin(sin(radians(min(widest, 90.0))) / lens.index)))
     graph = lens.own_graphs()[0]
-    along, up = _steepest(graph.kv_u, graph.coefficients), _steepest(graph.kv_v, graph.coefficients.T)
-    return max(steepest, float(np.degrees(atan(np.hypot(along, up)))))
-
-
-def _steepest(kv: KnotVector, heights: Floats) -> float:
-    """Return a bound of the derivative by the first parameter, from differences of the poles' heights."""
-    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
-    return float(np.max(kv.degree * np.abs(np.diff(heights, axis=0)) / widths[:, None]))
+    slope = np.hypot(steepest(graph, 0), steepest(graph, 1))
+    return max(widest, float(np.degrees(atan(slope))))
 
 
 def _prisms(lit: dict[str, Floats], heights: tuple[float, float]) -> dict[str, ConvexRegion]:
