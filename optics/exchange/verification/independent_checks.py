@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from optics.base.runtime import Backend, Check
 from optics.exchange.verification.occt_tracer import Crossed, occt_through
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import fixed_face
-from optics.exchange.verification.same_design import fresh_export_checks
+from optics.exchange.verification.same_design import bits_of, conic_bits, fresh_export_checks
 from optics.exchange.verification.solid_text import measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers, occt_checks
 from optics.exchange.verification.step_file import (
@@ -31,7 +31,6 @@ from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
 from thbcad.moulds import MouldedBody, lens_of
 from thbcad.outlines import UPRIGHT, Line, RimPiece
-from thbcad.sags import ConicCurve
 from thbcad.splines import UNIT, BSplineSurface
 
 if TYPE_CHECKING:
@@ -171,7 +170,7 @@ def _other_edges(edges: Sequence[BrepEdge], lens: Lens) -> int:
     if not lens.rear.outline.is_rectangle:
         return sum(not _is_edge(edge, lens) for edge in edges)
     pair = optical_forms(lens)
-    corners = {_bits(corner) for form in pair for corner in _corners(form)}
+    corners: set[Hashable] = {bits_of(corner) for form in pair for corner in _corners(form)}
     rims = {row for form in pair for row in _rims(form)}
     return sum(_loose_parts(edge, corners, rims) for edge in edges)
 
@@ -197,15 +196,15 @@ def _is_edge(edge: BrepEdge, lens: Lens) -> bool:
     return straight and [front, rear] in ([[True, False], [False, True]], [[False, True], [True, False]])
 
 
-def _loose_parts(edge: BrepEdge, corners: set[bytes], rims: set[bytes]) -> int:
+def _loose_parts(edge: BrepEdge, corners: set[Hashable], rims: set[Hashable]) -> int:
     """Return how many parts of an edge are not those of the lens."""
-    loose = sum(_bits(end) not in corners for end in edge.ends)
+    loose = sum(bits_of(end) not in corners for end in edge.ends)
     if edge.conic is not None:
-        return loose + (_conic_bits(edge.conic) not in rims)
+        return loose + (conic_bits(edge.conic) not in rims)
     if edge.kv is None or edge.poles is None or edge.weights is not None:
         return loose + (not _leads(edge))
     straight = edge.kv.degree == 1 and len(edge.poles) == 2 and bool((edge.kv.knots == UNIT.knots).all())
-    loose += not straight and _bits(edge.kv.knots) + _bits(edge.poles) not in rims
+    loose += not straight and (bits_of(edge.kv.knots), bits_of(edge.poles)) not in rims
     return loose + int((edge.poles[[0, -1]] != edge.ends).any())
 
 
@@ -219,20 +218,16 @@ def _corners(form: OpticalForm) -> Iterator[Floats]:
             yield np.array([x, y, form(x, y)])
 
 
-def _rims(form: OpticalForm) -> Iterator[bytes]:
-    """Yield the rims of front or rear as bytes; those of planes are lines, which are compared by their
+def _rims(form: OpticalForm) -> Iterator[Hashable]:
+    """Yield the rims of front or rear as values; those of planes are lines, which are compared by their
     ends."""
     for side in SIDES:
         if isinstance(form, BSplineSurface):
             kv, poles = rim(form, side)
-            yield _bits(kv.knots) + _bits(poles)
+            yield bits_of(kv.knots), bits_of(poles)
         elif form.kind != "PLANE":
             half = form.half_width[1 - side.axis]
-            yield _conic_bits(form.section(side.axis, half if side.end else -half))
-
-
-def _conic_bits(conic: ConicCurve) -> bytes:
-    return conic.kind.encode() + _bits(conic.placement) + _bits(conic.sizes)
+            yield conic_bits(form.section(side.axis, half if side.end else -half))
 
 
 def _leads(edge: BrepEdge) -> bool:
@@ -242,8 +237,3 @@ def _leads(edge: BrepEdge) -> bool:
     wanted, line = edge.ends[1] - edge.ends[0], edge.poles[1] - edge.poles[0]
     beside = np.linalg.norm(np.cross(wanted, line))
     return bool(wanted @ line > 0 and beside <= ROUNDING * np.linalg.norm(wanted) * np.linalg.norm(line))
-
-
-def _bits(array: Floats) -> bytes:
-    """Return a row's bytes; 0.0 and -0.0 are the same number."""
-    return np.ascontiguousarray(array + 0.0).tobytes()

@@ -21,6 +21,7 @@ from thbcad.cad.exchange import step_bytes
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepCurve, BrepEdge, BrepFace, brep_of_text
 from thbcad.lens import FreeformSurface, Lens
+from thbcad.sags import ConicCurve
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
 
@@ -149,10 +150,10 @@ def _carrier(face: BrepFace) -> Hashable:
     surface = face.surface
     if surface is None:
         swept = face.extrusion
-        drawn = None if swept is None else (_curve(swept.curve), _bits(swept.vector))
-        return face.surface_type, *map(_bits, (face.plane, face.sphere, face.cylinder, face.cone)), drawn
+        drawn = None if swept is None else (_curve(swept.curve), bits_of(swept.vector))
+        return face.surface_type, *map(bits_of, (face.plane, face.sphere, face.cylinder, face.cone)), drawn
     net = surface.coefficients if isinstance(surface, BSplineSurface) else surface.homogeneous.coefficients
-    return face.surface_type, _knots(surface.kv_u), _knots(surface.kv_v), net.shape, _bits(net)
+    return face.surface_type, _knots(surface.kv_u), _knots(surface.kv_v), net.shape, bits_of(net)
 
 
 def same_surface(face: BrepFace, other: BrepFace) -> bool:
@@ -163,19 +164,23 @@ def same_surface(face: BrepFace, other: BrepFace) -> bool:
 def _edge(edge: BrepEdge, carriers: dict[int, Hashable]) -> Hashable:
     """Return an edge and its images as a value."""
     images = Counter((carriers.get(image.carrier), _curve(image)) for image in edge.images)
-    return _bits(edge.ends), _curve(edge), frozenset(images.items())
+    return bits_of(edge.ends), _curve(edge), frozenset(images.items())
 
 
 def _curve(curve: BrepCurve) -> Hashable:
-    conic = curve.conic
-    drawn = None if conic is None else (conic.kind, _bits(conic.placement), _bits(conic.sizes))
-    return _knots(curve.kv), _bits(curve.poles), _bits(curve.weights), drawn
+    drawn = None if curve.conic is None else conic_bits(curve.conic)
+    return _knots(curve.kv), bits_of(curve.poles), bits_of(curve.weights), drawn
+
+
+def conic_bits(conic: ConicCurve) -> Hashable:
+    """Return a conic as a value."""
+    return conic.kind, bits_of(conic.placement), bits_of(conic.sizes)
 
 
 def _knots(kv: KnotVector | None) -> Hashable:
-    return None if kv is None else (kv.degree, _bits(kv.knots))
+    return None if kv is None else (kv.degree, bits_of(kv.knots))
 
 
-def _bits(array: Floats | None) -> bytes | None:
+def bits_of(array: Floats | None) -> bytes | None:
     """Return a row's bytes; 0.0 and -0.0 are the same number."""
     return None if array is None else np.ascontiguousarray(array + 0.0).tobytes()
