@@ -128,7 +128,7 @@ def _new_options(command: CommandParser) -> None:
 
 
 def _completion_options(command: CommandParser) -> None:
-    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="that shall complete")
+    command.choice("shell", ("bash", "zsh", "tcsh"), "that shall complete")
 
 
 def _verify_options(command: CommandParser) -> None:
@@ -145,10 +145,10 @@ def _verify_options(command: CommandParser) -> None:
         action="store_false",
         help="leave out the trace by optiland, which takes longest",
     )
-    command.add_argument(
+    command.choice(
         "--light",
-        choices=("mitsuba", "optiland", "occt"),
-        help="also let this program make the light of the STEP file, and compare it with ours",
+        ("mitsuba", "optiland", "occt"),
+        "also let this program make the light of the STEP file, and compare it with ours",
     )
     command.option(
         "--rays", "N", "with --light: random rays (default: 1e7 for mitsuba, 2e4 for optiland, 1e5 for occt)"
@@ -168,15 +168,15 @@ def _export_options(command: CommandParser) -> None:
     _body_options(command)
     command.switch("--patches", "one face per patch of same-level cells (step)")
     command.switch("--separate", "front and rear as loose faces, FILE_front and FILE_rear")
-    command.add_argument(
+    command.choice(
         "--scene",
-        choices=("elements", "staged"),
-        help="all elements where they lie, as an assembly (step); staged: source and screen too, as plates",
+        ("elements", "staged"),
+        "all elements where they lie, as an assembly (step); staged: source and screen too, as plates",
     )
-    command.add_argument(
+    command.choice(
         "--light",
-        choices=("rear", "target"),
-        help="write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
+        ("rear", "target"),
+        "write the light behind the lens as rays (.tm25ray, Zemax .dat, LightTools .ray), from there",
     )
     ray_options(command)
     chord_option(command)
@@ -185,41 +185,28 @@ def _export_options(command: CommandParser) -> None:
 
 def _body_options(command: CommandParser) -> None:
     """Add what is made of the lens before it is written."""
-    command.add_argument(
-        "--aperture",
-        type=float,
-        nargs=2,
-        metavar=("A", "B"),
-        help="cut to an ellipse with these semi-axes in mm",
+    command.option(
+        "--aperture", ("A", "B"), "cut to an ellipse with these semi-axes in mm", type=float, nargs=2
     )
-    command.add_argument(
-        "--polygon",
-        type=float,
-        nargs="+",
-        metavar=("X", "Y"),
-        help="cut to the polygon with these corners in mm: X Y X Y X Y ...",
-    )
-    command.add_argument(
-        "--flange",
-        type=float,
-        nargs=3,
-        metavar=("WIDTH", "LOW", "HIGH"),
-        help="planar flange from z = LOW to HIGH, mm",
+    corners = "cut to the polygon with these corners in mm: X Y X Y X Y ..."
+    command.option("--polygon", ("X", "Y"), corners, type=float, nargs="+")
+    command.option(
+        "--flange", ("WIDTH", "LOW", "HIGH"), "planar flange from z = LOW to HIGH, mm", type=float, nargs=3
     )
     command.option(
         "--mount", "FILE", "mount.toml: flange, holes, pins, bosses and gate, in one solid with the lens"
     )
-    command.add_argument(
+    command.option(
         "--shrinkage",
+        "PERCENT",
+        "enlarge by 1 + PERCENT / 100, one number, or three for x, y and z: what shrinks is the design",
         type=float,
         nargs="+",
-        metavar="PERCENT",
-        help="enlarge by 1 + PERCENT / 100, one number, or three for x, y and z: what shrinks is the design",
     )
-    command.add_argument(
+    command.choice(
         "--cavity",
-        choices=("front", "rear"),
-        help="the insert of a mould that makes this surface: its negative, with a plane back",
+        ("front", "rear"),
+        "the insert of a mould that makes this surface: its negative, with a plane back",
     )
     command.option(
         "--back", "Z", "plane back of the insert, z in mm (default: as deep as the lens is thick)", type=float
@@ -229,11 +216,8 @@ def _body_options(command: CommandParser) -> None:
 def _trace_options(command: CommandParser) -> None:
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
     command.option("--rays", "N", "N x N rays (default: 513)", type=int, default=513)
-    command.add_argument(
-        "--precision",
-        choices=("double", "single"),
-        default="double",
-        help="of the sequential trace (default: double)",
+    command.choice(
+        "--precision", ("double", "single"), "of the sequential trace (default: double)", default="double"
     )
     command.out("DIR", "folder to write (default: RESULT/trace)")
 

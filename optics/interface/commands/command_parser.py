@@ -61,9 +61,17 @@ def _meant(word: str, known: Iterable[str]) -> str:
 class CommandParser(ArgumentParser):
     """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
 
-    def option(self, name: str, metavar: str, help: str, **settings: Any) -> None:
+    def option(self, name: str, metavar: str | tuple[str, ...], help: str, **settings: Any) -> None:
         """Add an option with a value.  settings : as of `add_argument`."""
         self.add_argument(name, metavar=metavar, help=help, **settings)
+
+    def repeated(self, name: str, metavar: str, help: str) -> None:
+        """Add an option with a value that may be repeated: a list."""
+        self.option(name, metavar, help, action="append", default=[])
+
+    def choice(self, name: str, choices: Sequence[Any], help: str, **settings: Any) -> None:
+        """Add an option, or an argument, that takes one of some values.  settings : as of `add_argument`."""
+        self.add_argument(name, choices=choices, help=help, **settings)
 
     def switch(self, name: str, help: str) -> None:
         """Add an option without a value, which is False where it is not given."""

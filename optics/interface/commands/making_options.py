@@ -33,22 +33,18 @@ def sweep_options(command: CommandParser) -> None:
 def tolerance_options(command: CommandParser) -> None:
     """Add the options of `thbcad tolerance`."""
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.option(
+    command.repeated(
         "--set",
         "NAME=AMOUNT",
         "another amount, such as lens.decentre=0.02 (mm); 0 leaves the tolerance out; may be repeated",
-        action="append",
-        default=[],
     )
     command.option("--tolerances", "FILE.toml", "amounts in a file, in tables such as [lens]")
-    command.option(
+    command.repeated(
         "--limit",
         "LIMIT",
         "what light must keep, for which the amount of each tolerance is looked for: min_over_mean=0.7, "
         "efficiency=0.85, rel_l2=0.05, or a rise of rel_l2 such as 0.01; may be repeated (default: "
         "min_over_mean=0.7 of uniform light that no rays are counted in, else 0.01)",
-        action="append",
-        default=[],
     )
     command.switch("--float-shift", "the light may shift as a whole on the target, which follows it")
     command.option(
@@ -87,15 +83,11 @@ def tool_options(command: CommandParser) -> None:
         "with --ball: along the rows, for the hours of a pass (default: 1000)",
         type=float,
     )
-    command.add_argument(
-        "--rows", choices=("x", "y"), default="x", help="with --ball: along which rows run (default: x)"
-    )
+    command.choice("--rows", ("x", "y"), "with --ball: along which rows run (default: x)", default="x")
     command.option("--feed", "MM", "with --nose: for each revolution (default: as of --step)", type=float)
     command.option("--rpm", "N", "with --nose: revolutions for each minute", type=float)
     command.option("--acceleration", "M/S2", "with --nose: that the z axis can do, m/s^2", type=float)
-    command.add_argument(
-        "--surface", choices=("front", "rear"), help="to be cut (default: every one that is no plane)"
-    )
+    command.choice("--surface", ("front", "rear"), "to be cut (default: every one that is no plane)")
     command.out("DIR", "folder to write (default: RESULT/tool)")
 
 
@@ -103,23 +95,19 @@ def asbuilt_options(command: CommandParser) -> None:
     """Add the options of `thbcad asbuilt`."""
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
     command.option("--measured", "FILE", "rows x y z, grid sag .dat, X3P, Zygo, GXYZF", required=True)
-    command.add_argument("--surface", choices=("front", "rear"), help="default: the one that is freeform")
-    command.add_argument("--unit", choices=UNITS, default="mm", help="of x and y (default: mm)")
-    command.add_argument(
-        "--height-unit", choices=UNITS, help="of heights or errors (default: that of --unit)"
-    )
+    command.choice("--surface", ("front", "rear"), "default: the one that is freeform")
+    command.choice("--unit", UNITS, "of x and y (default: mm)", default="mm")
+    command.choice("--height-unit", UNITS, "of heights or errors (default: that of --unit)")
     command.switch("--errors", "the third column is made - designed height")
     command.switch("--mirror", "x is turned over, as measured from behind")
-    command.add_argument(
-        "--turn", type=int, choices=(0, 90, 180, 270), default=0, help="degrees from +x to +y (default: 0)"
-    )
+    command.choice("--turn", (0, 90, 180, 270), "degrees from +x to +y (default: 0)", type=int, default=0)
     command.switch("--down", "heights are positive against the light")
     command.switch("--centre", "the middle of what was measured is the vertex of the surface")
-    command.add_argument(
+    command.choice(
         "--align",
-        choices=("datums", "best-fit"),
+        ("datums", "best-fit"),
+        "which frame the made lens gets; both are reported (default: datums)",
         default="datums",
-        help="which frame the made lens gets; both are reported (default: datums)",
     )
     command.switch("--step", "also write lens.step of the made lens")
     command.out("DIR", "folder to write (default: RESULT/asbuilt)")
@@ -130,18 +118,16 @@ def road_options(command: CommandParser) -> None:
     command.add_argument(
         "result", metavar="RESULT", help="result folder of a design, or an .ies or .ldt file"
     )
-    command.add_argument(
+    command.choice(
         "--class",
+        ROAD_CLASSES,
+        "of EN 13201-2: P1 to P6 by illuminance, M1 to M6 by luminance",
         dest="lighting_class",
         required=True,
-        choices=ROAD_CLASSES,
-        help="of EN 13201-2: P1 to P6 by illuminance, M1 to M6 by luminance",
     )
     command.option("--height", "M", "of the lamps above the road", type=float, required=True)
     command.option("--spacing", "M", "between the lamps of a row", type=float, required=True)
-    command.add_argument(
-        "--rows", choices=ROAD_ROWS, default="right", help="where lamps stand (default: right)"
-    )
+    command.choice("--rows", ROAD_ROWS, "where lamps stand (default: right)", default="right")
     command.option("--lanes", "N", "all in one direction (default: 2)", type=int, default=2)
     command.option("--lane-width", "M", "default: 3.5", type=float, default=3.5)
     command.option(
@@ -162,18 +148,13 @@ def sheet_options(command: CommandParser) -> None:
     """Add the options of `thbcad sheet`."""
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
     command.option("--out", "FILE", "file to write, .svg, .pdf or .dxf", required=True)
-    command.add_argument(
-        "--manner",
-        choices=("moulded", "cut"),
-        default="moulded",
-        help="how the lens is made (default: moulded)",
+    command.choice(
+        "--manner", ("moulded", "cut"), "how the lens is made (default: moulded)", default="moulded"
     )
-    command.option(
+    command.repeated(
         "--set-indication",
         "NAME=VALUE",
         "give an indication, such as grade='PMMA 8N' or gate=-12,0; may be repeated",
-        action="append",
-        default=[],
     )
     chord_option(command)
     command.force()
@@ -182,12 +163,12 @@ def sheet_options(command: CommandParser) -> None:
 def pack_options(command: CommandParser) -> None:
     """Add the options of `thbcad pack`."""
     command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.add_argument(
+    command.choice(
         "--for",
+        ("zemax", "lighttools", "speos", "shop"),
+        "whom the pack is for; shop: who makes the lens, without rays and light",
         dest="program",
-        choices=("zemax", "lighttools", "speos", "shop"),
         required=True,
-        help="whom the pack is for; shop: who makes the lens, without rays and light",
     )
     command.out("FILE", "zip to write", required=True)
 
@@ -243,13 +224,11 @@ def ray_options(command: CommandParser) -> None:
 def problem_options(command: CommandParser) -> None:
     """Add the problem file, and what changes its keys."""
     command.add_argument("problem", metavar="PROBLEM.toml", help="problem file")
-    command.option(
+    command.repeated(
         "--set",
         "KEY=VALUE",
         "change a key of the problem file, such as target.distance=400; VALUE is TOML, quotes around "
         "a text may be left out; may be repeated",
-        action="append",
-        default=[],
     )
 
 
