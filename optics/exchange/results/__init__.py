@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         LIVE,
         hashes,
         recorded,
-        remove_files,
         require_own,
         require_places,
         require_room_for_live_page,

@@ -50,7 +50,8 @@ def write_recorded(
     before = {name: sorted(held) for name, held in _owned(folder / record).items()}
     write_text(folder / record, json_text({**data, HASHES: new, BEFORE: before}))
     write_files({folder / name: content for name, content in contents.items()})
-    remove_files(folder, gone)
+    for name in gone:  # no record would speak of it any more
+        (folder / name).unlink(missing_ok=True)
     write_text(folder / record, json_text({**data, HASHES: new}))
 
 
@@ -108,12 +109,6 @@ def require_places(folder: Path, names: Iterable[str]) -> None:
             wrong = f"{parent} is no folder"
         if wrong:
             raise UserError(f"cannot write {path}: {wrong}; move it or choose another with --out")
-
-
-def remove_files(folder: Path, names: Iterable[str]) -> None:
-    """Remove what an earlier run left and this one does not write; no record would speak of it any more."""
-    for name in names:
-        (folder / name).unlink(missing_ok=True)
 
 
 def writable_folder(path: Path) -> None:

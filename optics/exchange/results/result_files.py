@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from optics.exchange.results.identity import DATA, data_of
+from optics.exchange.results.identity import DATA, data_of, stored_name
 from optics.scene.problem import Problem
 
 RECORD, CHECKPOINT = "result.json", "checkpoint.json"
@@ -76,4 +76,4 @@ def level_files(count: int) -> list[tuple[str, str, str]]:
 
 def pictures_of(problem: Problem) -> Iterable[str]:
     """Return the names under which a result keeps the files of the problem: pictures and rays."""
-    return [name + Path(path).suffix.lower() for name, _, path in data_of(problem)]
+    return [stored_name(table, path) for table, _, path in data_of(problem)]
