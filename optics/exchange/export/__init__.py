@@ -12,8 +12,8 @@ if TYPE_CHECKING:
         format_of,
         labelled_lens,
         moulded_in,
+        output_files,
         report_of,
-        require_free,
         require_free_files,
     )
     from .indications import indications_of, notes_of, sheet_checks, sheet_of

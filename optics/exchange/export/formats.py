@@ -64,6 +64,9 @@ class Labels:
     schema: str = "AP242"
 
 
+NAMELESS = Labels()
+
+
 def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """Return the lens of a result folder or of a native lens file, and its labels.
 
@@ -75,7 +78,7 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
         for sentence in beside(system.problem):
             note(sentence)
         return lens, Labels(system.product, system.problem.export.schema)
-    return lens_of(path, "give a result folder or a lens.json"), Labels()
+    return lens_of(path, "give a result folder or a lens.json"), NAMELESS
 
 
 def moulded_in(result: str, body: Body) -> Body:
@@ -130,7 +133,7 @@ def report_of(out: str) -> Path:
 
 
 def export(
-    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = WHOLE, labels: Labels | None = None
+    lens: Lens, name: str, out: str, chord: float = CHORD, body: Body = WHOLE, labels: Labels = NAMELESS
 ) -> tuple[list[Path], list[Check]]:
     """Write the lens in a format, read it back, and return the files and the Checks of what they hold.
 
@@ -139,7 +142,7 @@ def export(
     chord : mm, the error that meshes may have, and grid sags between their points
     body : of the solid formats step, iges and brep; aperture, polygon and flange also of meshes and
         drawings, factors of all
-    labels : for STEP and IGES; None is those of a nameless lens
+    labels : for STEP and IGES
 
     Raises UserError : the path cannot be written, what reads the format back is not installed, a chord error
         that cannot be kept, a body that the format or the lens does not allow.
@@ -173,30 +176,23 @@ def export(
         if name == "npz":
             return _written({path: _arrays(lens)}), array_checks(lens, path)
         if name in DRAWINGS:
-            sheet = lens_sheet(
-                lens, (labels or Labels()).product, chord, body.aperture, body.flange, body.polygon
-            )
+            sheet = lens_sheet(lens, labels.product, chord, body.aperture, body.flange, body.polygon)
             files = _written({path: drawing_bytes(sheet, name)})
             return files, drawing_checks(lens, sheet, path, name, body)
         if body.separate:
             return _faces(lens, name, path)
-        return _solid(lens, name, path, body, labels or Labels())
+        return _solid(lens, name, path, body, labels)
     except OSError as error:  # a full disk
         raise UserError(f"cannot write {path}: {error.strerror}; choose another --out") from None
     except (ValueError, RuntimeError, ImportError) as error:
         raise UserError(f"cannot export {path}: {error}") from None
 
 
-def require_free(out: str, name: str, body: Body, force: bool) -> None:
-    """Raise UserError where an export cannot write, or would replace what no export wrote.
-
-    force : replace it nevertheless, but never a file of a result
-    """
-    require_free_files(output_files(Path(out), name, body), out, force)
-
-
 def require_free_files(files: Sequence[Path], out: str, force: bool) -> None:
-    """Raise UserError as `require_free` where files, or the report of an export, would replace others."""
+    """Raise UserError where files, or the report of an export, cannot be written or would replace others.
+
+    force : replace them nevertheless, but never a file of a result
+    """
     report = report_of(out)
     for path in (*files, report):
         require_writable(path)

@@ -17,7 +17,7 @@ from optics.exchange.export import (
     format_of,
     labelled_lens,
     moulded_in,
-    require_free,
+    output_files,
     require_free_files,
 )
 from optics.exchange.mitsuba import (
@@ -72,7 +72,7 @@ def export(options: Namespace) -> Outcome:
     )
     if options.mount is None:
         body = moulded_in(options.result, body)
-    require_free(options.out, name, body, options.force)
+    require_free_files(output_files(Path(options.out), name, body), options.out, options.force)
     lens, labels = labelled_lens(options.result)
     if options.mount is None:
         files, checks = run(lens, name, options.out, options.chord, body, labels)
