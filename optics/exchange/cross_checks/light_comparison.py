@@ -20,9 +20,10 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.exchange.cross_checks.file_tracers import FileTracer
-from optics.exchange.cross_checks.light_sums import Distances, binned, distances, exact_landing, on_target
+from optics.exchange.cross_checks.light_sums import Distances, binned, distances, on_target
 from optics.exchange.cross_checks.meshed_file import COARSER
 from optics.exchange.cross_checks.random_rays import random_rays
+from optics.exchange.verification import exact_landing
 from optics.light.analysis import cell_irradiance
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen

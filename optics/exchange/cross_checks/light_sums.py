@@ -6,11 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optics.base.runtime import Backend
-from optics.light.tracing import LandingPoints, Tracer
-from optics.scene.paths import LightPath
+from optics.light.tracing import LandingPoints
 from optics.scene.receivers import Screen
-from optics.scene.sources import RayGrid, Rays
 from thbcad.checks import Floats
 
 NO_LIGHT = 1e-12  # of a ray's mean flux: rays with less count nowhere, and programs may round it to none
@@ -41,15 +38,6 @@ class Distances:
     def rms(self) -> float:
         """Root mean square distance; infinite where no ray lands on the target by both."""
         return float(np.sqrt(self.squares / self.count)) if self.count else float("inf")
-
-
-def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
-    """Return where rays along a path land.  backend : of double precision."""
-    landing = Tracer(backend, path, rays).landed()
-    backend.dr.eval(landing.x, landing.y, landing.flux)
-    flux = landing.flux.numpy()
-    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
-    return LandingPoints(np.where(flux[:, None] > 0, points, np.nan), flux)
 
 
 def distances(one: LandingPoints, other: LandingPoints, emitted: Floats, screen: Screen) -> Distances:

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from optics.base.runtime import Check
+from optics.exchange.verification import exact_landing
 from optics.light.analysis import rel_l2
 from optics.light.outgoing import outgoing_rays
-from optics.light.tracing import LandingPoints, Tracer
 from optics.scene.ray_files import RaySet, ray_bytes
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
@@ -69,10 +69,9 @@ def part_quantities(system: OpticalSystem, lens: Lens) -> list[Quantity]:
 def ray_table(system: OpticalSystem, lens: Lens) -> bytes:
     """Return a CSV of about 1e4 rays: where they start and land, NaN where they do not."""
     rays, unit, flux = _source_rays(system, lens, LISTED), system.target.receiver.unit, system.units.flux
-    land, text = _landed(system, lens, rays), io.BytesIO()
+    land, text = exact_landing(system.path(lens), rays, system.backend), io.BytesIO()
     head = f"x_mm,y_mm,z_mm,l,m,n,flux_{flux},landing_u_{unit},landing_v_{unit},landing_flux_{flux}"
-    points = np.where(land.flux[:, None] > 0, land.points, np.nan)
-    columns = np.column_stack([rays.origin.T, rays.direction.T, rays.flux, points, land.flux])
+    columns = np.column_stack([rays.origin.T, rays.direction.T, rays.flux, land.points, land.flux])
     np.savetxt(text, columns, "%.17g", ",", header=head, comments="")
     return text.getvalue()
 
@@ -103,7 +102,7 @@ def light_quantities(
     """
     position, direction, flux = (a.T.astype(np.float64) for a in (rays.position, rays.direction, rays.flux))
     direction /= np.linalg.norm(direction, axis=0)  # rounded to single precision
-    land = _landed(system, lens, Rays(position, direction, flux))
+    land = exact_landing(system.path(lens), Rays(position, direction, flux), system.backend)
     screen, density = system.target.screen(), system.density
     scale = np.array([1 / system.problem.flux, 1.0, density.factor])
     here, *aside = (
@@ -126,14 +125,6 @@ def _source_rays(system: OpticalSystem, lens: Lens, counts: tuple[int, int]) -> 
     """Return rays of the source one by one."""
     rays = system.source.rays(counts)
     return rays if isinstance(rays, Rays) else rays.rays(system.path(lens).before)
-
-
-def _landed(system: OpticalSystem, lens: Lens, rays: Rays) -> LandingPoints:
-    """Return where rays land that go through a lens; the flux of others is 0."""
-    with system.backend.dr.suspend_grad():
-        _, landing = Tracer(system.backend, system.path(lens), rays).trace()
-        u, v, flux = (a.numpy() for a in (landing.x, landing.y, landing.flux))
-    return LandingPoints(np.column_stack([u, v]), flux)
 
 
 def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Floats:

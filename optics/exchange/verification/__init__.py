@@ -31,6 +31,6 @@ if TYPE_CHECKING:
         text_solid_checks,
         volume_check,
     )
-    from .trace_comparison import light_checks
+    from .trace_comparison import exact_landing, light_checks
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -115,6 +115,15 @@ def _clear(system: OpticalSystem, lens: Lens) -> LightPath:
     return system.path(lens).without_absorption()
 
 
+def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
+    """Return where rays along a path land.  backend : of double precision."""
+    landing = Tracer(backend, path, rays).landed()
+    backend.dr.eval(landing.x, landing.y, landing.flux)
+    flux = landing.flux.numpy()
+    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
+    return LandingPoints(np.where(flux[:, None] > 0, points, np.nan), flux)
+
+
 def _difference(
     system: OpticalSystem,
     lens: Lens,
@@ -124,12 +133,12 @@ def _difference(
     others: LandingPoints,
 ) -> Comparison:
     """Return the Comparison of rays along a path with where others say that they land."""
-    _, landing = Tracer(backend, path, rays).trace()
-    points, flux = np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy()
+    ours = exact_landing(path, rays, backend)
+    points, flux = ours.points, ours.flux
     screen, made = system.target.screen(), system.solid(lens)
     if not isinstance(made, Lens):
-        _, within = Tracer(backend, system.held(path, made.free), rays).trace()
-        kept = (flux == 0) | (within.flux.numpy() > 0)
+        within = exact_landing(system.held(path, made.free), rays, backend)
+        kept = (flux == 0) | (within.flux > 0)
         flux, others = flux * kept, LandingPoints(others.points, others.flux * kept)
     # beside the target lands light that leaves at grazing angles: the last digit of a slope moves it by far
     least = NO_LIGHT * rays.flux.mean()
