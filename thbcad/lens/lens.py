@@ -133,6 +133,11 @@ class Lens:
         (a, b), (c, d) = self.front.half_width, self.rear.half_width
         return a / c, b / d
 
+    @property
+    def faces(self) -> tuple[tuple[str, FreeformSurface, float], ...]:
+        """(name, surface, z of its vertex in mm) of front and rear."""
+        return ("front", self.front, 0.0), ("rear", self.rear, self.thickness)
+
     def with_rear(self, rear: FreeformSurface) -> Lens:
         """Return the lens with another rear surface."""
         return Lens(self.front, rear, self.thickness, self.index)

@@ -179,8 +179,8 @@ class PartLight:
         return bool(on_face(face, np.array([[x, y, self._height(name, x, y)]]))[0])
 
     def _height(self, name: str, x: Floats, y: Floats) -> Floats:
-        surface = self.lens.front if name == "front" else self.lens.rear
-        return surface(x, y) + (self.lens.thickness if name == "rear" else 0.0)
+        _, surface, vertex = self.lens.faces[NAMES.index(name)]
+        return surface(x, y) + vertex
 
     def _between(self, points: Floats) -> Bools:
         """Return which points (n, 3) lie between front and rear."""

@@ -169,7 +169,7 @@ def edge_triangles(lens: Lens) -> Floats:
     if not unit.is_rectangle:
         around = [piece(np.linspace(*piece.ends, RULINGS)) for piece in unit.pieces]
     rims = []
-    for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+    for _, surface, vertex in lens.faces:
         x, y = np.concatenate(around, axis=1) * np.array(surface.half_width)[:, None]
         rims.append(np.column_stack([x, y, vertex + surface(x, y)]))
     low, high = rims
@@ -187,7 +187,7 @@ def straight_paths(lens: Lens) -> Iterator[Paths]:
     count = RAYS // SETS
     for _ in range(SETS):
         ends = []
-        for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+        for _, surface, vertex in lens.faces:
             x, y = surface.outline.filled(
                 *fresh.uniform(-1, 1, (2, count)) * np.array([surface.half_width]).T
             )

@@ -183,7 +183,7 @@ def _face_checks(placed: PlacedLens, lens: Lens, trim: float) -> list[Check]:
     trim : mm, that their edges may miss them by.
     """
     checks = []
-    for name, surface, vertex in (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness)):
+    for name, surface, vertex in lens.faces:
         geometry = placed.geometry(name)
         differing = surface_numbers(geometry).differing(surface_numbers(placed.surfaces[name]))
         deviation = face_deviation(geometry, surface, vertex)

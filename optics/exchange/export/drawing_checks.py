@@ -37,8 +37,7 @@ def drawing_checks(lens: Lens, sheet: Sheet, path: Path, name: str, body: Body =
         Check.none_of(f"curves missing or added, {by}", abs(len(drawn) - wanted)),
     ]
     limit = sheet.bound + ROUNDING
-    surfaces = {"front": (lens.front, 0.0), "rear": (lens.rear, lens.thickness)}
-    for word, (surface, vertex) in surfaces.items():
+    for word, surface, vertex in lens.faces:
         own = [curve for curve in drawn if curve[1] == word]
         section = max(_section_error(curve, surface, vertex) for curve in own if "SECTION" in curve[0])
         sign = -1 if word == "front" else 1

@@ -211,8 +211,7 @@ def _tables(lens: Lens, name: str, path: Path, chord: float) -> tuple[list[Path]
     """Write a sag table, a point cloud or an X3P file of the front and of the rear."""
     files: dict[Path, bytes] = {}
     checks = []
-    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
-    for file, (word, surface, vertex) in zip(output_files(path, name), faces):
+    for file, (word, surface, vertex) in zip(output_files(path, name), lens.faces):
         size = table_size(surface)
         if name == "dat":
             files[file] = sag_text(surface, size)

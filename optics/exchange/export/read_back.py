@@ -120,10 +120,7 @@ def mesh_checks(
     if checks[0].ok:
         corners = read.vertices.view(np.ndarray)
         faces = np.sort(mesh.faces) if name == "glb" else mesh.faces  # in GLB they are one after the other
-        for word, face, surface, vertex in (
-            ("front", FRONT, lens.front, 0.0),
-            ("rear", REAR, lens.rear, lens.thickness),
-        ):
+        for face, (word, surface, vertex) in zip((FRONT, REAR), lens.faces):
             points = _samples(corners, read.faces[faces == face])
             # in z, and in x and y beside the rectangle
             x, y = (np.clip(points[:, d], -h, h) for d, h in enumerate(surface.half_width))

@@ -76,11 +76,8 @@ class LensMesh:
     @cached_property
     def surfaces(self) -> dict[str, SurfaceVertices]:
         """The vertices of "front" and "rear"."""
-        lens = self.lens
-        return {
-            "front": SurfaceVertices(lens.front, 0.0, self.s, self.t),
-            "rear": SurfaceVertices(lens.rear, lens.thickness, self.s, self.t),
-        }
+        faces = self.lens.faces
+        return {name: SurfaceVertices(surface, vertex, self.s, self.t) for name, surface, vertex in faces}
 
     @property
     def free(self) -> dict[str, Floats]:

@@ -111,8 +111,7 @@ def scene_checks(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
     parameters = mi.traverse(mi.load_file(str(path), optimize=False))
     checks = []
     for mesh in body_meshes(system, lens):
-        body = mesh.lens
-        for face, surface, vertex in (("front", body.front, 0.0), ("rear", body.rear, body.thickness)):
+        for face, surface, vertex in mesh.lens.faces:
             positions = np.array(parameters[f"{mesh.named(face)}.vertex_positions"], dtype=np.float64)
             placed = positions.reshape(-1, 3).T
             x, y, z = mesh.pose.inverse().points(placed)

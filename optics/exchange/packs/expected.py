@@ -58,8 +58,7 @@ def part_quantities(system: OpticalSystem, lens: Lens) -> list[Quantity]:
     """Return what a program that holds the part may measure of it."""
     volume = system.made(lens).volume()
     rows = [Quantity("volume", "mm^3", volume, None, VOLUME_NEAR * volume)]
-    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
-    for (word, surface, vertex), *shares in product(faces, PLACES, PLACES):
+    for (word, surface, vertex), *shares in product(lens.faces, PLACES, PLACES):
         x, y = (share * h for share, h in zip(shares, surface.half_width))
         z = vertex + float(surface(x, y))
         rows.append(Quantity(f"z of the {word} at x = {x:g}; y = {y:g}", "mm", z, None, HEIGHT_NEAR))
@@ -137,8 +136,7 @@ def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Fl
 def dense_points(lens: Lens) -> tuple[dict[str, bytes], list[Check], dict[str, DenseGrid]]:
     """Return the files of front and rear, what the bounds and the files read back say, and the grids."""
     files, checks, grids = {}, [], {}
-    faces = (("front", lens.front, 0.0), ("rear", lens.rear, lens.thickness))
-    for (word, surface, vertex), graph in zip(faces, lens.own_graphs()):
+    for (word, surface, vertex), graph in zip(lens.faces, lens.own_graphs()):
         grid = dense_grid(graph, LINEAR - ALLOWANCE, CUBIC - ALLOWANCE)
         text = points_text(graph, vertex, word == "rear", grid.x, grid.y)
         files[f"points_{word}.xyz"], grids[word] = text, grid

@@ -182,7 +182,7 @@ def _is_edge(edge: BrepEdge, lens: Lens) -> bool:
         return False
     points = edge.points(np.linspace(*span, ALONG))
     on_rims = []
-    for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
+    for _, surface, vertex in lens.faces:
         x, y, z = points.T
         beside = abs(surface.outline.gauge(x, y) - 1) * max(surface.half_width)
         x, y = (np.clip(row, -h, h) for row, h in zip((x, y), surface.half_width))

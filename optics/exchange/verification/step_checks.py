@@ -110,10 +110,7 @@ def _geometry(made: Made, step: SolidFile, limit: float) -> list[Check]:
     for name, read, wanted in zip(("front", "rear"), (step.front, step.rear), optical_forms(lens)):
         count = differing_numbers(read, wanted)
         checks.append(Check.none_of(f"{name} poles and knots that differ from the lens in memory", count))
-    for name, read, surface, vertex in (
-        ("front", step.front, lens.front, 0.0),
-        ("rear", step.rear, lens.rear, lens.thickness),
-    ):
+    for read, (name, surface, vertex) in zip((step.front, step.rear), lens.faces):
         deviation = surface_deviation(read, surface, vertex, trimmed)
         checks.append(Check(f"{name} face against the lens in memory", deviation, limit, "mm"))
     return checks

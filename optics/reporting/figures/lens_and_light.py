@@ -176,7 +176,7 @@ def _rays(solid: Solid, fan: Sequence[RayPath]) -> bytes:
 def draw_fan(axes: Axes, solid: Solid, fan: Sequence[RayPath]) -> None:
     """Draw the section x = 0 of a lens or its body and the paths of rays; those to the target are green."""
     lens, outline = lens_of(solid), []
-    for number, (surface, vertex) in enumerate(((lens.front, 0.0), (lens.rear, lens.thickness))):
+    for number, (_, surface, vertex) in enumerate(lens.faces):
         y = np.linspace(-1, 1, 201)[:: 1 - 2 * number] * surface.half_width[1]
         if not isinstance(solid, Lens):
             _, y = within_foot(solid, number, np.zeros_like(y), y)

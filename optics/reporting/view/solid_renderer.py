@@ -89,9 +89,8 @@ def solid_faces(solid: Made, samples: int = SAMPLES) -> tuple[list[Face], dict[s
     if isinstance(solid, Plate):
         return _plate_faces(solid, samples)
     faces, steeper, lens = [], {}, lens_of(solid)
-    for number, (name, surface, vertex, side) in enumerate(
-        (("front", lens.front, 0.0, -1), ("rear", lens.rear, lens.thickness, 1))
-    ):
+    for number, (name, surface, vertex) in enumerate(lens.faces):
+        side = (-1, 1)[number]  # of the outward normal along z
         x, y = _positions(surface, samples)
         u, v = np.meshgrid(x, y, indexing="ij")
         evaluate = partial(surface.grid, x, y)
@@ -161,7 +160,7 @@ def _beside(points: Floats, places: Floats, half_width: tuple[float, float]) -> 
 def within_foot(body: MouldedBody, number: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return points within the outline of front (0) or rear (1) moved along rays from the axis, the outline
     onto the foot of the wall there, mm."""
-    surface, vertex = ((body.lens.front, 0.0), (body.lens.rear, body.lens.thickness))[number]
+    _, surface, vertex = body.lens.faces[number]
     turn = np.linspace(-np.pi, np.pi, DIRECTIONS)
     u, v = np.array([np.cos(turn), np.sin(turn)]) / surface.outline.gauge(np.cos(turn), np.sin(turn))
     low, high = np.zeros(DIRECTIONS), np.ones(DIRECTIONS)
