@@ -26,11 +26,10 @@ def _surface_figure(findings: ToolFindings, surface: SurfaceFindings) -> tuple[s
     light = surface.light
     figure, axes = new_panels(1 + sum(part is not None for part in (pitch, light, motion)), SIZE)
     panels = iter(axes)
-    half_width = surface.graph.kv_u.stop, surface.graph.kv_v.stop
     _tightness(figure, next(panels), surface, order.spiral)
     sentences = ["Tool radius times concave curvature, which 1 must not exceed"]
     if blur is not None and pitch is not None:
-        _blur(figure, next(panels), blur, pitch, half_width)
+        _blur(figure, next(panels), surface, blur, pitch)
         sentences.append("width of the blur that its cusps make, in pixels")
     if light is not None:
         _picture(figure, next(panels), light)
@@ -52,20 +51,17 @@ def _tightness(figure: Figure, axes: Axes, surface: SurfaceFindings, spiral: boo
     axes.set_title("tool radius x concave curvature", fontsize=10)
 
 
-def _blur(figure: Figure, axes: Axes, blur: CuspBlur, pitch: float, half_width: tuple[float, float]) -> None:
+def _blur(figure: Figure, axes: Axes, surface: SurfaceFindings, blur: CuspBlur, pitch: float) -> None:
     """Draw the greatest blur of the rays in every bin."""
     known = np.isfinite(blur.pixels)
     column, row = (
-        np.minimum(((a[known] + h) * (BINS / (2 * h))).astype(int), BINS - 1)
-        for a, h in zip((blur.x, blur.y), half_width)
+        np.minimum(((a[known] + kv.stop) * (BINS / (2 * kv.stop))).astype(int), BINS - 1)
+        for a, kv in zip((blur.x, blur.y), (surface.graph.kv_u, surface.graph.kv_v))
     )
     image = np.full((BINS, BINS), np.nan)
     np.fmax.at(image, (row, column), pitch * blur.pixels[known])
-    hx, hy = half_width
-    shown = axes.imshow(image, "viridis", vmin=0, origin="lower", extent=(-hx, hx, -hy, hy))
-    figure.colorbar(shown, ax=axes, label="pixels", shrink=0.8)
     _, x, y = blur.worst()
-    _finish(axes, (x, y))
+    _map(figure, axes, surface, image, ("viridis", 0.0, None), (x, y), "pixels")
     axes.set_title("blur by cusps", fontsize=10)
 
 
@@ -105,18 +101,15 @@ def _map(
     axes: Axes,
     surface: SurfaceFindings,
     image: Floats,
-    scale: tuple[str, float, float],
+    scale: tuple[str, float, float | None],
     worst: tuple[float, float] | None,
+    unit: str = "",
 ) -> None:
     """Draw a map over a surface, row 0 at -y, with its scale and a ring round the worst position."""
     hx, hy = surface.graph.kv_u.stop, surface.graph.kv_v.stop
     colours, low, high = scale
     shown = axes.imshow(image, colours, vmin=low, vmax=high, origin="lower", extent=(-hx, hx, -hy, hy))
-    figure.colorbar(shown, ax=axes, shrink=0.8)
-    _finish(axes, worst)
-
-
-def _finish(axes: Axes, worst: tuple[float, float] | None) -> None:
+    figure.colorbar(shown, ax=axes, label=unit, shrink=0.8)
     if worst is not None:
         axes.plot(*([a] for a in worst), "o", mfc="none", mec="tab:red", ms=11, mew=1.5, clip_on=False)
     axes.set(xlabel="x / mm", ylabel="y / mm")
