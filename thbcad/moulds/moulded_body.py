@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from thbcad.certified import greatest_slope, minimum, value_range
+from thbcad.checks import Floats
 from thbcad.lens import Lens, require_sound, segment
 from thbcad.moulds.body_walls import (
     BodyOptions,
@@ -230,6 +231,12 @@ class MouldedBody:
                     f"the wall of the {word} comes {depth:.6g} mm within its outline, and eats the clear "
                     f"aperture, {clear[number].text()}; make lens.body.draft or edge_radius smaller"
                 )
+
+    def off_walls(self, x: Floats, y: Floats, z: Floats) -> float:
+        """Return the greatest distance of points from the one wall, or the land, on which they lie, mm."""
+        off = [abs(wall.beside(x, y, z)).max() for wall in (*self.walls, self.inner) if wall is not None]
+        off += [abs(z - self.inner.level).max()] if self.inner is not None else []
+        return float(min(off))
 
     def _require_parting(self) -> None:
         """Raise ValueError where the parting line is not proven to lie between both ends of the walls."""

@@ -20,7 +20,7 @@ def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]])
     """
     if body.is_moulded and body.moulded is not None:
         made = MouldedBody.of(lens, body.moulded)
-        return max(_from_body(made, points) for name, points in samples if not name.startswith("radius"))
+        return max(made.off_walls(*points.T) for name, points in samples if not name.startswith("radius"))
     if body.polygon is not None:
         sides = Polygon(tuple(body.polygon)).sides
         return max(_from_side(side, points) for side, (_, points) in zip(sides, samples))
@@ -30,14 +30,6 @@ def wall_distance(lens: Lens, body: Body, samples: Iterator[tuple[str, Floats]])
         return max(edge_distance(lens, side, points) for side, (_, points) in zip(SIDES, samples))
     shape = walls_of(lens, body.aperture)
     return max(_distance(name, points, shape, body.flange) for name, points in samples)
-
-
-def _from_body(body: MouldedBody, points: Floats) -> float:
-    """Return the greatest distance of the points of a face from the wall or the land of a body on which they
-    lie."""
-    off = [abs(wall.beside(*points.T)).max() for wall in (*body.walls, body.inner) if wall is not None]
-    off += [abs(points[:, 2] - body.inner.level).max()] if body.inner is not None else []
-    return float(min(off))
 
 
 def _from_outline(lens: Lens, points: Floats) -> float:

@@ -128,10 +128,8 @@ def _is_wall(face: BrepFace, edges: Sequence[BrepEdge], body: MouldedBody) -> bo
         return True
     numbers = {number for loop in face.loops for number, _ in loop}
     spans = [(edge, span) for edge in edges if edge.number in numbers and (span := edge_span(edge))]
-    x, y, z = np.concatenate([edge.points(np.linspace(*span, ALONG)) for edge, span in spans]).T
-    off = [abs(wall.beside(x, y, z)).max() for wall in (*body.walls, body.inner) if wall is not None]
-    off += [abs(z - body.inner.level).max()] if body.inner is not None else []
-    return bool(min(off) <= (ROUNDED if body.rounded else FITTED))
+    points = np.concatenate([edge.points(np.linspace(*span, ALONG)) for edge, span in spans])
+    return body.off_walls(*points.T) <= (ROUNDED if body.rounded else FITTED)
 
 
 def _stands_on(face: BrepFace, piece: RimPiece) -> bool:
