@@ -10,7 +10,7 @@ from optics.exchange.export.body import WHOLE, Body
 from thbcad.checks import Bools, Floats
 from thbcad.drawings import Sheet
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.outlines import Outline
+from thbcad.outlines import Outline, Polygon
 
 SVG = "{http://www.w3.org/2000/svg}"
 APPLICATION = "THBCAD"
@@ -104,7 +104,9 @@ def _shortfall(
     """Return by how much a surface at a vertex, seen along an axis, extends to +z (sign 1) or -z beyond all
     its curves in that view; of a body, whose silhouette may be steep, those nearer than a limit in y or x."""
     surface, vertex, sign = side
-    lines = [_height_line(points, axis) for view, _, _, points in own if view == f"SEEN FROM -{'xy'[axis]}"]
+    seen = [points for view, _, _, points in own if view == f"SEEN FROM -{'xy'[axis]}"]
+    # (y, z) of the view from -x; (x, z) of that from -y, which has -x and -z for axes
+    lines = [points[:, ::-1] if axis == 0 else -points for points in seen]
     along = np.linspace(-surface.half_width[axis], surface.half_width[axis], LINES)
     across = np.unique(np.concatenate([_chord_samples(line)[:, 0] for line in lines]))
     across = across[np.abs(across) <= surface.half_width[1 - axis]]
@@ -130,16 +132,5 @@ def _within(body: Body, outline: Outline, x: Floats, y: Floats) -> Bools:
     if body.aperture is not None:
         a, b = body.aperture
         return (x / a) ** 2 + (y / b) ** 2 <= 1
-    if body.polygon is None:
-        return outline.contains(x, y)
-    inside = np.zeros((len(x), y.shape[1]), dtype=np.bool_)
-    corners = np.asarray(body.polygon, dtype=np.float64)
-    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0)):
-        if y0 != y1:
-            inside ^= ((y0 <= y) != (y1 <= y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
-    return inside
-
-
-def _height_line(points: Floats, axis: int) -> Floats:
-    """Return points (y, z) of the view from -x, (x, z) of that from -y, which has -x and -z for axes."""
-    return points[:, ::-1] if axis == 0 else -points
+    shape = outline if body.polygon is None else Polygon(tuple(body.polygon))
+    return shape.contains(x, y)
