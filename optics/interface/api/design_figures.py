@@ -26,10 +26,8 @@ class DesignFigures:
     def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
         self.process, optic = process, system.problem.optic
         rows = [element.name for element in system.problem.element]
-        self._noun, self._sides = (
-            ", ".join(rows) if rows[1:] else optic.noun,
-            (optic.face_name("front"), optic.face_name("rear")),
-        )
+        self._noun = ", ".join(rows) if rows[1:] else optic.noun
+        self._sides = optic.face_name("front"), optic.face_name("rear")
 
     def draw_lens(
         self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
@@ -87,14 +85,12 @@ class DesignFigures:
         The photograph is the last in the row.
         """
         parts = f"Source, {self._noun} and target"
-        captions = {
-            "scene": f"{parts}, seen from {self._seen_from}; rays that miss the target are red.",
-            "solid": "The solid from four sides; the text below says how much steeper its relief is shaded.",
-        }
-        pictures = {"scene": self._scene, "solid": self._solid}
+        scene = f"{parts}, seen from {self._seen_from}; rays that miss the target are red."
+        solid = "The solid from four sides; the text below says how much steeper its relief is shaded."
         return {
             "photo": self._photo,
             **self._light.result(),
             **self._lens.result(),
-            **{name: (caption, pictures[name].result()) for name, caption in captions.items()},
+            "scene": (scene, self._scene.result()),
+            "solid": (solid, self._solid.result()),
         }
