@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optics.base.runtime import HelperProcess, ProcessEnded, UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
@@ -211,10 +211,7 @@ def show_in_browser(page: Path) -> None:
 def _outcome(written: Written, system: OpticalSystem) -> Outcome:
     metrics, checked = written.metrics, written.verification
     data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
-    lines = _design_lines(
-        written.folder, metrics, checked, photometric_lines(metrics, system.units) + crosstalk_line(metrics)
-    )
-    return Outcome(data, lines, OF_GRADES[checked["grade"]])
+    return Outcome(data, _design_lines(written, system), OF_GRADES[checked["grade"]])
 
 
 def _resumed(run: _Run, system: OpticalSystem) -> State:
@@ -256,10 +253,9 @@ def resuming(words: Sequence[str]) -> str:
     return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
 
 
-def _design_lines(
-    folder: ResultFolder, metrics: dict[str, Any], checked: dict[str, Any], judged: Sequence[str]
-) -> list[str]:
-    """Return what is printed of a design.  judged : lines on its beam and uniformity."""
+def _design_lines(written: Written, system: OpticalSystem) -> list[str]:
+    """Return what is printed of a design."""
+    folder, metrics, checked = written.folder, written.metrics, written.verification
     fit, misses = [], []
     if checked["grade"] == "light misses":
         problem = shlex.quote(str(folder.problem))
@@ -274,7 +270,8 @@ def _design_lines(
         f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
         f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   "
         f"{metrics['wall_s']['total']:.1f} s",
-        *judged,
+        *photometric_lines(metrics, system.units),
+        *crosstalk_line(metrics),
         metrics["verdict"],
         *misses,
         f"solid {folder.step}   report {folder.path / 'report.html'}",
