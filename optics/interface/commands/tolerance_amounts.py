@@ -65,17 +65,15 @@ def limits_of(texts: Sequence[str]) -> dict[str, float] | None:
     return limits or None
 
 
-def _amount(text: str) -> tuple[str, Any]:
+def _amount(text: str) -> tuple[str, float]:
     """Return name and amount of "NAME=AMOUNT"."""
-    name, equals, value = (part.strip() for part in text.partition("="))
+    name, _, value = (part.strip() for part in text.partition("="))
     try:
-        return name, float(value) if equals else _refuse(text)
+        return name, float(value)
     except ValueError:
-        return _refuse(text)
-
-
-def _refuse(text: str) -> Any:
-    raise UserError(f"--set takes NAME=AMOUNT with a number, such as lens.decentre=0.02, got {text!r}")
+        raise UserError(
+            f"--set takes NAME=AMOUNT with a number, such as lens.decentre=0.02, got {text!r}"
+        ) from None
 
 
 def _of_file(path: str | None) -> dict[str, Any]:
