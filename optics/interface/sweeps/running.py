@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from optics.base.runtime import Phase, Progress, ProgressEvent, UserError
@@ -74,10 +73,8 @@ class SweepProgress:
             self._drawing.keep_alive(self._progress.report)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if error is None:
+    def __exit__(self, *error: object) -> None:
+        if error[0] is None:
             self._progress.finish()
         if self._drawing:
             self._drawing.close()
