@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import sqrt
 from typing import Any, Final
 
@@ -24,9 +24,6 @@ class Range:
     value: float
     low: float
     high: float
-
-    def data(self) -> dict[str, float]:
-        return {"value": self.value, "low": self.low, "high": self.high}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +98,13 @@ class SampleBatch:
             "sets": len(self.rel_l2),
             "confidence": CONFIDENCE,
             "rel_l2_rms": sqrt(self.mean_square().value),
-            "rel_l2": {f"{part:.0%}": self.quantile(part).data() for part in SHOWN},
+            "rel_l2": {f"{part:.0%}": asdict(self.quantile(part)) for part in SHOWN},
             "efficiency_mean": float(finite.mean()) if finite.size else 0.0,
             "efficiency_least": float(finite.min()) if finite.size else 0.0,
-            "yield": self.good.data(),
+            "yield": asdict(self.good),
             "undecided": self.undecided,
             "limit_rel_l2": limit,
-            "within_limit": self.passing(limit).data(),
+            "within_limit": asdict(self.passing(limit)),
             "not_traced": int((~np.isfinite(self.rel_l2)).sum()),
             "failures": list(self.failures),
         }
