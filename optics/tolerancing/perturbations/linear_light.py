@@ -109,14 +109,23 @@ class LinearLight:
         for weight, parts, trace in self._light.colours(perturbation):
             first = 0
             for strip in self._light.cells.slices(CORNERS_AT_ONCE):
-                if path is None:
-                    yield _landed(self._light, weight, strip, trace, parts.cells(strip).rays())
+                part = path.rows(first, len(strip.s)) if path else None
+                if part is None:
+                    rays = parts.cells(strip).rays()
                 else:
-                    part = path.rows(first, len(strip.s))
                     s, t = (v.ravel() for v in part.corners(strip, amount))
                     rays = parts.rays(strip.at(s, t, corner_flux(strip.emitted).ravel()))
-                    yield _landed(self._light, weight, strip, trace, rays, part)
+                yield _Corners(weight, strip, part, rays.flux, *self._arriving(trace, rays))
                 first += len(strip.s) - 1
+
+    def _arriving(self, trace: Trace, rays: RayGrid | Rays) -> tuple[Floats, Bools]:
+        """Return x, y and flux of rays where they land, (3, n), and which of them arrive, (n,)."""
+        backend, n = self._light.backend, rays.flux.size
+        _, landing = trace(rays)
+        every = backend.dr.ones(backend.dr.mask_t(backend.Float), n)
+        sound = (every & landing.arrives).numpy()
+        jet = np.array([a.numpy() + np.zeros(n) for a in (landing.x, landing.y, landing.flux)])
+        return np.where(sound, jet, 0.0), sound
 
     def _pictured(self, corners: _Corners, jet: Floats, sound: Bools, emitted: Floats) -> Floats | None:
         """Return the light of corners that land as a jet says; None where a rim cuts their cells."""
@@ -170,22 +179,6 @@ class _Corners:
     def emitted(self, amount: float) -> Floats:
         """Return what the cells emit as far along the path as an amount says, W."""
         return self.path.emitted(self.cells, amount) if self.path else self.cells.emitted
-
-
-def _landed(
-    light: PerturbedLight,
-    weight: float,
-    cells: SourceCells,
-    trace: Trace,
-    rays: RayGrid | Rays,
-    path: LensPath | None = None,
-) -> _Corners:
-    dr = light.backend.dr
-    _, landing = trace(rays)
-    every = dr.ones(dr.mask_t(light.backend.Float), rays.flux.size)
-    sound = (every & landing.arrives).numpy()
-    jet = np.array([a.numpy() + np.zeros(rays.flux.size) for a in (landing.x, landing.y, landing.flux)])
-    return _Corners(weight, cells, path, rays.flux, np.where(sound, jet, 0.0), sound)
 
 
 def _all_sound(*corners: _Corners) -> Bools:
