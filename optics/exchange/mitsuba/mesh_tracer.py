@@ -57,11 +57,7 @@ class MeshTracer:
             for name in shapes
         }
         self._flux = device_flux(self.backend, rays.flux)
-        rays = (
-            rays.rays(float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness))
-            if isinstance(rays, RayGrid)
-            else rays
-        )
+        rays = rays.rays(float(mesh.surfaces["front"].jet()[0].min() - mesh.lens.thickness))
         ox, oy, oz = (self.backend.array(row) for row in rays.origin)
         dx, dy, dz = (self.backend.array(row) for row in rays.direction)
         self._origin, self._direction = (ox, oy, oz), (dx, dy, dz)

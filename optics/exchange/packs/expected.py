@@ -122,8 +122,7 @@ def light_quantities(
 
 def _source_rays(system: OpticalSystem, lens: Lens, counts: tuple[int, int]) -> Rays:
     """Return rays of the source one by one."""
-    rays = system.source.rays(counts)
-    return rays if isinstance(rays, Rays) else rays.rays(system.path(lens).before)
+    return system.source.rays(counts).rays(system.path(lens).before)
 
 
 def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Floats:

@@ -159,7 +159,7 @@ def _by_others(
     system: OpticalSystem, path: LightPath, rays: Rays | RayGrid, other: Callable[[RaysBehind], RaysBehind]
 ) -> LandingPoints:
     """Return where rays land that others trace."""
-    single, own = rays if isinstance(rays, Rays) else rays.rays(path.before), [*system.own_faces]
+    single, own = rays.rays(path.before), [*system.own_faces]
     every = range(len(path.surfaces))
     before, behind = ([fixed_face(path, k) for k in part] for part in (every[: own[0]], every[own[-1] + 1 :]))
     along = RaysBehind(single.origin.T, single.direction.T, np.asarray(single.flux, dtype=float))

@@ -95,7 +95,7 @@ def traced_points(path: LightPath, backend: Backend, rays: RayGrid | Rays) -> tu
 
 def crossings(path: LightPath, backend: Backend, surface: int, rays: RayGrid | Rays) -> tuple[Floats, Floats]:
     """Return x and y, (n,) each, where rays cross a surface of a number, inside it."""
-    tracer = Tracer(backend, path, rays if surface or isinstance(rays, Rays) else rays.rays(path.before))
+    tracer = Tracer(backend, path, rays if surface else rays.rays(path.before))
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(surface)
         every = backend.dr.zeros(backend.Float, rays.flux.size)

@@ -141,7 +141,7 @@ class PerturbedLight:
 
     @cached_property
     def _single_rays(self) -> Rays:
-        return self._single(self.system.source.rays(SHIFT_RAYS))
+        return self.system.source.rays(SHIFT_RAYS).rays(self._before)
 
     def colours(self, perturbation: Perturbation) -> Iterator[tuple[float, PerturbedParts, Trace]]:
         """Yield weight, parts, and what traces rays through them, of every wavelength."""
@@ -221,8 +221,8 @@ class PerturbedLight:
         splat = Splat(self.backend, self.screen, BoxWindow())
         image, fates = np.zeros(self.screen.shape), []
         for part, errors in zip(self._rays_of(parts), self._errors):
-            rays = self._single(part)
-            tracer, landing = self.trace_through(parts, errors)(parts.rays(rays))
+            rays = parts.rays(part.rays(self._before))
+            tracer, landing = self.trace_through(parts, errors)(rays)
             with self.backend.dr.suspend_grad():
                 light = splat(landing.x, landing.y, landing.flux).numpy()
             image += light.reshape(self.screen.shape, order="F")
@@ -257,10 +257,6 @@ class PerturbedLight:
         x, y, _ = to_source.points((box[0], box[1], box[2]))
         (a, b), (c, d) = ((v.min() / parts.size, v.max() / parts.size) for v in (x, y))
         return (wider * (b - a) / 2, wider * (d - c) / 2), ((a + b) / 2, (c + d) / 2)
-
-    def _single(self, rays: RayGrid | Rays) -> Rays:
-        """Return rays one by one; those of a grid start well before the first surface."""
-        return rays if isinstance(rays, Rays) else rays.rays(self._before)
 
     @cached_property
     def _heights(self) -> tuple[float, float]:
