@@ -201,7 +201,5 @@ def on_target(waves: Sequence[float], landing: Floats, surface: Floats) -> Float
 
     waves : (kx, ky) on the surface, cycles per mm.  landing : DT, surface : U, (2, 2, ...).
     """
-    by_s, by_t = (surface[0, i] * waves[0] + surface[1, i] * waves[1] for i in (0, 1))
-    (a, b), (c, d) = landing
-    with np.errstate(divide="ignore", invalid="ignore"):  # folds
-        return np.stack([d * by_s - c * by_t, a * by_t - b * by_s]) / (a * d - b * c)
+    by_source = np.stack([surface[0, i] * waves[0] + surface[1, i] * waves[1] for i in (0, 1)])
+    return solved(np.swapaxes(landing, 0, 1), by_source)
