@@ -113,11 +113,8 @@ def _prisms(lit: dict[str, Floats], heights: tuple[float, float]) -> dict[str, C
 
 
 def _surfaces(lens: Lens, lit: dict[str, Floats]) -> dict[str, Stack]:
-    front, rear = lens.own_graphs()
-    return {
-        "front": _lit_surface(front, 0.0, lit["front"]),
-        "rear": _lit_surface(rear, lens.thickness, lit["rear"]),
-    }
+    faces = zip(lens.faces, lens.own_graphs())
+    return {name: _lit_surface(graph, vertex, lit[name]) for (name, _, vertex), graph in faces}
 
 
 def _lit_surface(graph: BSplineSurface, vertex: float, lit: Floats) -> Stack:

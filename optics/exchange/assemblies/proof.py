@@ -141,7 +141,7 @@ def part_checks(
     # how far the areas of front and rear are from those of the lens, relative
     back = placed.placement.Inverted()
     off = {}
-    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+    for name, surface, _ in lens.faces:
         area = projected_area(placed.faces[name].Moved(back))
         off[name] = abs(area / surface.outline.area - 1)
     trimmed = max(off.values()) > AREA

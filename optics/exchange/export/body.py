@@ -190,8 +190,8 @@ class Body:
     def optical(self, lens: Lens) -> list[OpticalFace]:
         """Return the lowest and the highest of the faces across z."""
         if self.cavity is None:
-            words, vertices = ("front", "rear"), (0.0, lens.thickness)
-            return list(map(OpticalFace, words, optical_forms(lens), (lens.front, lens.rear), vertices))
+            pairs = zip(optical_forms(lens), lens.faces)
+            return [OpticalFace(word, form, surface, vertex) for form, (word, surface, vertex) in pairs]
         insert = self._insert(lens, self.cavity)
         form, plane = insert.forms
         faces = [

@@ -231,7 +231,7 @@ def _arrays(lens: Lens) -> bytes:
     Nothing in it is executed.
     """
     arrays: dict[str, ArrayLike] = {"thickness": np.float64(lens.thickness), "index": np.float64(lens.index)}
-    for word, surface, graph in zip(("front", "rear"), (lens.front, lens.rear), lens.own_graphs()):
+    for (word, surface, _), graph in zip(lens.faces, lens.own_graphs()):
         arrays |= {
             f"{word}_knots_x": graph.kv_u.knots,
             f"{word}_knots_y": graph.kv_v.knots,

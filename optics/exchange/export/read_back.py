@@ -180,7 +180,7 @@ def array_checks(lens: Lens, path: Path) -> list[Check]:
     """Return the Checks of an NPZ file: scipy evaluates its splines within every knot span."""
     checks = []
     with np.load(path, allow_pickle=False) as arrays:
-        for word, surface in (("front", lens.front), ("rear", lens.rear)):
+        for word, surface, _ in lens.faces:
             knots = arrays[f"{word}_knots_x"], arrays[f"{word}_knots_y"]
             spline = NdBSpline(knots, arrays[f"{word}_coefficients"], arrays[f"{word}_degrees"])
             x, y = (np.unique(k) for k in knots)

@@ -118,8 +118,7 @@ class RenderingEngine:
 
     def model(self, system: OpticalSystem, lens: Lens, film: Film) -> RenderedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        free = {"front": lens.front.sag, "rear": lens.rear.sag}
-        names = [name for name, sag in free.items() if sag is not None]
+        names = [name for name, surface, _ in lens.faces if surface.sag is not None]
         return RenderedModel(self.traced.model(system, lens, film), names)
 
 

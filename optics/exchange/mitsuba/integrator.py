@@ -134,8 +134,8 @@ def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
 
 
 def _exact(mi: ModuleType, properties: Any, system: OpticalSystem, lens: Lens) -> Any:
-    backend, free = mitsuba_backend(mi), {"front": lens.front.sag, "rear": lens.rear.sag}
-    coefficients = {name: sag.coefficients for name, sag in free.items() if sag is not None}
+    backend = mitsuba_backend(mi)
+    coefficients = {name: s.sag.coefficients for name, s, _ in lens.faces if s.sag is not None}
 
     @cache
     def film(columns: int, rows: int, spp: int) -> TracedModel:

@@ -82,8 +82,7 @@ class LensMesh:
     @property
     def free(self) -> dict[str, Floats]:
         """The coefficients of the lens's sags by surface, front first."""
-        sags = {"front": self.lens.front.sag, "rear": self.lens.rear.sag}
-        return {name: sag.coefficients for name, sag in sags.items() if sag is not None}
+        return {name: s.sag.coefficients for name, s, _ in self.lens.faces if s.sag is not None}
 
     @property
     def points(self) -> Floats:

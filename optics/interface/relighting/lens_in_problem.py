@@ -38,7 +38,7 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
     keys: dict[str, Any] = {"lens.thickness": lens.thickness, **_outline_keys(lens)}
     if OpticalSystem(problem).problem.optic.known_index != lens.index:
         keys["lens.index"] = lens.index
-    for name, surface in (("front", lens.front), ("rear", lens.rear)):
+    for name, surface, _ in lens.faces:
         keys |= {
             f"lens.{name}.half_width": list(surface.half_width),
             f"lens.{name}.radius": surface.conic.radius,

@@ -118,7 +118,7 @@ def level_figure(
     gradients : sums of |dL/dz| of the vertices over every leaf cell, of every free surface, front first.
     """
     name_of = system.problem.optic.face_name
-    free = [(name_of(s), f) for s, f in (("front", lens.front), ("rear", lens.rear)) if f.sag is not None]
+    free = [(name_of(s), f) for s, f, _ in lens.faces if f.sag is not None]
     figure, axes = plt.subplots(
         1, 2 + len(free), figsize=(WIDE * (2 + len(free)), HIGH), layout="constrained"
     )
