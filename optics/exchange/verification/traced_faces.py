@@ -9,9 +9,8 @@ from scipy.optimize.elementwise import find_root
 
 from thbcad.checks import Bools, Floats, Integers
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
-from thbcad.lens import steepest
 from thbcad.sags import PlacedConic
-from thbcad.splines import BSplineSurface
+from thbcad.splines import BSplineSurface, KnotVector
 
 Meetings = tuple[Floats, Floats, Bools]  # points, unit normals towards +z, met
 
@@ -177,9 +176,9 @@ class ParametricFace:
         self.width = float(np.ptp(poles[:, 0]))
         room = [0.0, 0.0, ROOM * self.width]
         self._box = poles.min(axis=0) - room, poles.max(axis=0) + room
-        graph = BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients[..., 2])
-        slopes = np.array([steepest(graph, 0), steepest(graph, 1)])
-        self._steepest = slopes * (self.high - self.low) / (self._box[1] - self._box[0])[:2]
+        heights = surface.coefficients[..., 2]
+        steepest = [_steepest(kv, z) for kv, z in ((surface.kv_u, heights), (surface.kv_v, heights.T))]
+        self._steepest = np.array(steepest) * (self.high - self.low) / (self._box[1] - self._box[0])[:2]
 
     def start(self, points: Floats, directions: Floats) -> Floats:
         """Return parameters where rays first fall through the face, to a step's width.
@@ -229,7 +228,7 @@ class ParametricFace:
         sign, or is less at both ends together than the length times the greatest slope.
         """
         first, last = self._within_box(points, directions)
-        fastest = np.abs(directions[:, :2]) @ self._steepest + np.abs(directions[:, 2])
+        steepest = np.abs(directions[:, :2]) @ self._steepest + np.abs(directions[:, 2])
 
         def above(ray: Integers, t: Floats) -> Floats:
             return self._above(points[ray] + t[:, None] * directions[ray])
@@ -247,7 +246,7 @@ class ParametricFace:
             falls = (f_low > 0) & (f_high <= 0)
             fall = np.full(len(points), np.inf)
             np.minimum.at(fall, ray[falls], low[falls])
-            unsafe = (f_low > 0) & (f_low + f_high <= fastest[ray] * (high - low))
+            unsafe = (f_low > 0) & (f_low + f_high <= steepest[ray] * (high - low))
             chosen = (falls | unsafe) & (low <= fall[ray])
             ray, steps = ray[chosen], steps[:, chosen]
             if halvings < HALVINGS:
@@ -287,3 +286,9 @@ class ParametricFace:
     def jet(self, uv: Floats) -> list[Floats]:
         """Return S, S_u, S_v at (n, 2) parameters, each (n, 3)."""
         return [self._spline(uv, nu=nu) for nu in ((0, 0), (1, 0), (0, 1))]
+
+
+def _steepest(kv: KnotVector, heights: Floats) -> float:
+    """Return a bound of the derivative by the first parameter, from differences of the poles' heights."""
+    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
+    return float(np.max(kv.degree * np.abs(np.diff(heights, axis=0)) / widths[:, None]))
