@@ -34,8 +34,8 @@ class PlacedSurface:
         self.cell = hx / 4, hy / 4
         self._near = backend.opaque(NEAR * max(self.half_width))
         if surface.sag is None:
-            knots = tuple(KnotVector.uniform(2, PLAIN, -h, h) for h in self.half_width)
-            plain = PowerForm(knots, np.zeros((PLAIN + 2, PLAIN + 2)), np.zeros(9), 1)
+            across, along = (KnotVector.uniform(2, PLAIN, -h, h) for h in self.half_width)
+            plain = PowerForm((across, along), np.zeros((PLAIN + 2, PLAIN + 2)), np.zeros(9), 1)
             self._meetings = FirstMeetings(backend, self._conic, self.half_width, plain)
             return
         sag = surface.sag.to_bspline()

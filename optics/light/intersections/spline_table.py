@@ -18,7 +18,8 @@ from optics.base.runtime import PACKED, Backend, DrArray, OrderFreeSums
 from optics.light.intersections.box_bounds import spline_bounds
 from optics.light.intersections.spans import Cells, SpanFunctions, power_map
 from thbcad.checks import Floats
-from thbcad.splines import KnotVector
+from thbcad.lens import steepest
+from thbcad.splines import BSplineSurface, KnotVector
 
 AT_ONCE = 4096  # cells, whose coefficients stay in the processor's memory
 
@@ -45,8 +46,9 @@ class PowerForm:
     @cached_property
     def steepest(self) -> float:
         """A bound of the slope in any direction."""
-        along_x, along_y = (steepest_along(kv, n) for kv, n in zip(self.knots, (self.net, self.net.T)))
-        return float(np.hypot(along_x, along_y))
+        across, along = self.knots
+        sag = BSplineSurface(across, along, self.net)
+        return float(np.hypot(steepest(sag, 0), steepest(sag, 1)))
 
     @cached_property
     def bounds(self) -> tuple[Floats, ...]:
@@ -165,12 +167,3 @@ class PolynomialTable:
             local.append((position - dr.gather(Float, middles, cell)) * rate)
             rates.append(rate)
         return cells, local, rates
-
-
-def steepest_along(kv: KnotVector, net: Floats) -> float:
-    """Return a bound of a spline's derivative along the first direction.
-
-    It is the greatest |p (c_(i+1) - c_i) / (t_(i+p+1) - t_(i+1))|.
-    """
-    widths = kv.knots[kv.degree + 1 : -1] - kv.knots[1 : -kv.degree - 1]
-    return float(np.abs(kv.degree * np.diff(net, axis=0) / widths[:, None]).max())

@@ -33,7 +33,7 @@ class LitPoints:
     def of(cls, system: OpticalSystem, lens: Lens, backend: Backend, rays: RayGrid | Rays) -> LitPoints:
         """Trace rays of the source of a system."""
         path = system.path(lens)
-        single = rays if isinstance(rays, Rays) else rays.rays(path.before)
+        single = rays.rays(path.before)
         tracer = Tracer(backend, path, single)
         with backend.dr.suspend_grad():
             hits, landing = tracer.trace_all()

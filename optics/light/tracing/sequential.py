@@ -103,7 +103,7 @@ class Tracer:
             self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering, blocked))]
             self._behind = DeviceRays(origin, direction, entering)
             return
-        single = rays if isinstance(rays, Rays) else rays.rays(path.before)
+        single = rays.rays(path.before)
         self._source = self._behind = on_device(backend, single.posed(self._frames[0].inverse()), self._flux)
         for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
             step, self._behind = self._over(k, self._behind, None)

@@ -143,6 +143,4 @@ class RayGrid:
 
 def single_rays(rays: Rays | RayGrid, lens: Lens) -> Rays:
     """Return rays one by one; those of a grid start well before the lens."""
-    if isinstance(rays, Rays):
-        return rays
     return rays.rays(-BEFORE * (max(lens.front.half_width) + lens.thickness))

@@ -104,7 +104,7 @@ class OpticalSystem(Prescribed):
 
     def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
         """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
-        single = rays if isinstance(rays, Rays) else rays.rays(self.path(lens).before)
+        single = rays.rays(self.path(lens).before)
         return single.posed(self.pose.inverse())
 
     def free_elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
