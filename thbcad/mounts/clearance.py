@@ -16,7 +16,7 @@ import numpy as np
 
 from thbcad.certified import value_range
 from thbcad.checks import EPS, require_type
-from thbcad.lens import Lens, require_sound, rim_heights, walls_of
+from thbcad.lens import Lens, require_sound, rim_gap, walls_of
 from thbcad.mounts.records import LEAST, Mount, MountFlange
 from thbcad.outlines import Outline
 
@@ -111,7 +111,7 @@ def _seat(flange: MountFlange, lens: Lens) -> tuple[float, float, bool]:
     if low >= top + LEAST and high <= bottom - LEAST:
         return low, high, False
     sizes = lens.front.half_width == lens.rear.half_width
-    rims = (_rim_range(lens, 0)[1], lens.thickness + _rim_range(lens, 1)[0]) if sizes else (top, bottom)
+    rims = rim_gap(lens) if sizes else (top, bottom)
     if flush != "front" and low < rims[0] + LEAST:
         raise ValueError(
             f"the flange from z = {low:.6g} mm meets the front, which reaches up to z = {rims[0]:.6g} mm; "
@@ -137,12 +137,6 @@ def _levels(flange: MountFlange, lens: Lens) -> tuple[float, float, str]:
         low = 0.0 if flange.seat == "front" else lens.thickness - flange.thickness
         return low, low + flange.thickness if flange.seat == "front" else lens.thickness, flange.seat
     return float(flange.seat), float(flange.seat) + flange.thickness, ""
-
-
-def _rim_range(lens: Lens, k: int) -> tuple[float, float]:
-    """Return certified bounds of the heights of the rim of front (0) or rear (1)."""
-    rims = [value_range(curve) for curve in rim_heights(lens, k)]
-    return min(low.lower for low, _ in rims), max(high.upper for _, high in rims)
 
 
 def _down(distance: float, *sizes: float) -> float:
