@@ -23,13 +23,14 @@ from OCP.Geom import (
 )
 from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from thbcad.cad.shapes.forms import Form, ruled_trace
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
+from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, trace
 from thbcad.cad.shapes.topology import (
     BUILDER,
     draw_on_plane,
+    face_on,
     new_edge,
     new_vertex,
     new_wire,
@@ -95,30 +96,22 @@ def _panel(
     struts: tuple[TopoDS_Shape, TopoDS_Shape],
 ) -> TopoDS_Face:
     low, high = rings
-    face = TopoDS_Face()
-    BUILDER.MakeFace(face, wall.surface(k), TOLERANCE)
-    wire = new_wire([low.edges[k], struts[1], high.edges[k].Reversed(), struts[0].Reversed()])
     inward = wall.ends[k][0] > wall.ends[k][1]  # s runs clockwise
-    BUILDER.Add(face, wire.Reversed() if inward else wire)
-    draw_on_plane(face, [low.edges[k], high.edges[k]])
-    images = [(TopoDS.Edge_s(ring.edges[k]), ring.traces[k]) for ring in rings]
+    loop = [low.edges[k], struts[1], high.edges[k].Reversed(), struts[0].Reversed()]
+    images: tuple[Geom2d_Curve | None, ...] = ()
     if low.traces[k] is not None:
-        for edge, image in images:
-            BUILDER.UpdateEdge(edge, image, face, TOLERANCE)
-        for s, strut in zip(wall.ends[k], struts):
-            BUILDER.UpdateEdge(strut, Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)), face, TOLERANCE)
-    return turned_face(face, inward)
+        start, stop = (Geom2d_Line(gp_Pnt2d(s, 0.0), gp_Dir2d(0, 1)) for s in wall.ends[k])
+        images = low.traces[k], stop, high.traces[k], start
+    return turned_face(face_on(wall.surface(k), loop, not inward, images), inward)
 
 
 def plane_face(z: float, holes: Sequence[Ring], outer: Ring, upward: bool) -> TopoDS_Face:
     """Return the plane face between an outer ring and the rings of holes at a height, its normal along +z or
     -z."""
-    face = TopoDS_Face()
-    BUILDER.MakeFace(face, Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), gp_Dir(0, 0, 1))), TOLERANCE)
-    BUILDER.Add(face, new_wire(outer.edges))
+    face = face_on(Geom_Plane(gp_Pln(gp_Pnt(0, 0, z), UP)), outer.edges)
     for hole in holes:
         BUILDER.Add(face, new_wire([edge.Reversed() for edge in reversed(hole.edges)]))
-    draw_on_plane(face, [*outer.edges, *(edge for hole in holes for edge in hole.edges)])
+        draw_on_plane(face, hole.edges)
     return turned_face(face, not upward)
 
 
