@@ -45,10 +45,7 @@ class FileSource(LightSource):
     tilt: tuple[float, float, float]
     turn: tuple[float, float, float]
     by_rays = True
-
-    @property
-    def symmetric(self) -> bool:
-        return False
+    symmetric = False
 
     @property
     def middle(self) -> tuple[float, float, float]:

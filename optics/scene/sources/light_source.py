@@ -40,6 +40,7 @@ class LightSource(ABC):
     scalable : it is an area that the problem describes, and may be made with another width.
     emitter : points of an area that emit all around, so that smooth windows suit the blurred light best.
     axial : it stays the same where it turns about z, whatever its settings.
+    symmetric : it is its own mirror image in x and y, but for the picture of its profile.
     kinked : its cells have kinks on diagonals, and are as many in both directions, an even number.
     spread : how the light of every point of an area spreads around +z.
     """
@@ -52,6 +53,7 @@ class LightSource(ABC):
     scalable: ClassVar[bool] = False
     emitter: ClassVar[bool] = False
     axial: ClassVar[bool] = False
+    symmetric: ClassVar[bool] = True
     kinked: ClassVar[bool] = False
 
     @property
@@ -82,11 +84,6 @@ class LightSource(ABC):
     def diverging(self) -> bool:
         """Whether it is a beam whose points spread their light: cells measure each direction of it."""
         return self.from_afar and self.extended
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether the source is its own mirror image in x and y, but for the picture of its profile."""
-        return True
 
     @property
     def profile(self) -> Profile:

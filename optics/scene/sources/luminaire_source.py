@@ -51,7 +51,7 @@ class LuminaireSource(FileSource):
         return Profile(self.shape)
 
     @property
-    def symmetric(self) -> bool:
+    def symmetric(self) -> bool:  # type: ignore[override]
         straight = not self.pose.shift[:2].any() and not self.pose.rotates
         return straight and self.directions.light.symmetric
 

@@ -35,6 +35,7 @@ class PlacedSource(LightSource):
 
     source: LightSource
     pose: Pose
+    symmetric = False
 
     spread = _of_source("spread")
     extended = _of_source("extended")
@@ -50,10 +51,6 @@ class PlacedSource(LightSource):
     cone = _of_source("cone")
     most_rays = _of_source("most_rays")
     assumed = _of_source("assumed")
-
-    @property
-    def symmetric(self) -> bool:
-        return False
 
     @property
     def frame(self) -> Pose:
@@ -122,6 +119,7 @@ class SourceGroup(LightSource):
     members: tuple[PlacedSource, ...]
     by_rays = True
     several = True
+    symmetric = False
 
     @property
     def each(self) -> tuple[LightSource, ...]:
@@ -135,10 +133,6 @@ class SourceGroup(LightSource):
     def told(self) -> Mapping[str, object]:
         """That of the first: a source with a file stands first."""
         return self.members[0].told
-
-    @property
-    def symmetric(self) -> bool:
-        return False
 
     @property
     def middle(self) -> tuple[float, float, float]:
