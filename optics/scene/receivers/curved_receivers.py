@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf, pi
 from types import ModuleType
 from typing import Any
 
@@ -71,10 +70,6 @@ class Cylinder(Receiver):
     def across_axis(self) -> bool:
         return False
 
-    @property
-    def widest(self) -> tuple[float, float]:
-        return pi / 2 * abs(self.radius), inf
-
 
 class Sphere(Cylinder):
     """The half of the sphere x^2 + y^2 + (z - R)^2 = R^2 of its frame round the middle.
@@ -107,7 +102,3 @@ class Sphere(Cylinder):
 
     def area(self, u: Any, v: Any) -> Any:
         return super().area(u, v) * np.cos(np.asarray(v) / self.radius)
-
-    @property
-    def widest(self) -> tuple[float, float]:
-        return pi / 2 * abs(self.radius), pi / 2 * abs(self.radius)

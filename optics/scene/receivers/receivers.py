@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf, isinf
+from math import isinf
 from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -95,11 +95,6 @@ class Receiver(Value, ABC):
         return np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
 
     @property
-    def widest(self) -> tuple[float, float]:
-        """Below which |u| and |v| lie of all places that the chart names."""
-        return inf, inf
-
-    @property
     def across_axis(self) -> bool:
         """Whether it is a plane across the axis z with its middle on it, or the far field around it."""
         return not self.pose.rotates and not self.pose.shift[:2].any()
@@ -168,10 +163,6 @@ class FarField(Receiver):
         """d Omega / (du dv) = (1 + a^2)(1 + b^2) / (1 + a^2 + b^2)^(3/2) with a = tan u, b = tan v."""
         a, b = (np.tan(np.radians(angle)) ** 2 for angle in (u, v))
         return (1 + a) * (1 + b) / (1 + a + b) ** 1.5
-
-    @property
-    def widest(self) -> tuple[float, float]:
-        return 90.0, 90.0
 
 
 def choose_by(library: ModuleType) -> Callable[..., Any]:

@@ -22,8 +22,7 @@ def name(receiver):
 def rays(receiver, count=40, seed=3):
     """Points (3, n) some 60 mm before a receiver, unit directions, and where in its chart they land."""
     rng = np.random.default_rng(seed)
-    most = np.minimum(receiver.widest, 30.0)
-    u, v = rng.uniform(-0.7, 0.7, (2, count)) * np.reshape(most, (2, 1))
+    u, v = 30.0 * rng.uniform(-0.7, 0.7, (2, count))  # a quarter of the smallest of them is 70 mm
     place, normal = (np.stack(np.broadcast_arrays(*f(u, v))) for f in (receiver.points, receiver.normal))
     aslant = normal + rng.uniform(-0.25, 0.25, normal.shape)
     # all come from before the frame too: what runs backward in it never meets a receiver
