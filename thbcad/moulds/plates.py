@@ -81,11 +81,6 @@ class Plate:
         return self.lens.index
 
     @property
-    def thickness(self) -> float:
-        """That of each lens, mm."""
-        return self.lens.thickness
-
-    @property
     def middle(self) -> tuple[float, float]:
         """The middle of all lenses, mm."""
         x, y = (step * ((n - 1) / 2 - (n - 1) // 2) for n, step in zip(self.counts, self.pitch))
