@@ -142,11 +142,6 @@ class LightPath:
         return [s.shape.sag for s in self.surfaces if s.shape.sag is not None]
 
     @property
-    def coefficients(self) -> list[Floats]:
-        """Of the sags, (dim,) each."""
-        return [sag.coefficients for sag in self.sags]
-
-    @property
     def before(self) -> float:
         """z from which parallel light along z starts: well before the first surface, mm."""
         if not self.surfaces:

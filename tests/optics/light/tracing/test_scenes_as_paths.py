@@ -318,14 +318,15 @@ def worst_gradient(backend, path, rays):
     dr, rng = backend.dr, np.random.default_rng(2)
     tracer = Tracer(backend, path, rays)
     weights = [backend.array(rng.standard_normal(rays.flux.size)) for _ in range(3)]
-    ends = np.cumsum([c.size for c in path.coefficients])[:-1]
+    coefficients = [sag.coefficients for sag in path.sags]
+    ends = np.cumsum([c.size for c in coefficients])[:-1]
 
     def value(vector):
         hits, landing = tracer.trace(np.split(vector, ends))
         terms = landing.x, landing.y, landing.flux * rays.flux.size
         return hits, dr.sum(sum(w * t for w, t in zip(weights, terms)))
 
-    at = np.concatenate(path.coefficients)
+    at = np.concatenate(coefficients)
     hits, total = value(at)
     dr.backward(total)
     gradient = np.concatenate(tracer.pull_back(hits))

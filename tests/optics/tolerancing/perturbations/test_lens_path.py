@@ -26,7 +26,7 @@ def at_corners(light, perturbation, path):
     s, t = path.corners(light.cells, 1.0)
     _, parts, trace = next(light.colours(perturbation))
     tracer, _ = trace(parts.rays(light.cells.at(s.ravel(), t.ravel(), np.ones(s.size))))
-    hits, _, _ = tracer.at(1, parts.path.coefficients)
+    hits, _, _ = tracer.at(1, [sag.coefficients for sag in parts.path.sags])
     return np.stack([hits.x.numpy(), hits.y.numpy()]).reshape(2, *s.shape)
 
 
