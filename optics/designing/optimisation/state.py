@@ -81,11 +81,6 @@ class State:
         return self.history[-1].evaluation if self.history else 0
 
     @property
-    def result(self) -> Row | None:
-        """The row of the last stage's result, where it was measured with other rays."""
-        return next((row for row in reversed(self.history) if row.fresh_fit is not None), None)
-
-    @property
     def seconds(self) -> float:
         return self.history[-1].seconds if self.history else 0.0
 

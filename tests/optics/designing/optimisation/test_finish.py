@@ -69,7 +69,6 @@ def test_the_result_of_every_stage_of_an_extended_source_is_measured_with_other_
         [row for stage, _, row in made.calls if stage is one and row] for one in made.plan if one.iterations
     ]
     assert [row.evaluation for row in judged] == [min(p, key=lambda row: row.loss).evaluation for p in parts]
-    assert made.state.result == judged[-1]
     for row in judged:
         assert 0 < abs(row.fresh_fit - row.fit) < 0.05 * row.fit
 
