@@ -220,14 +220,7 @@ class GraphOverStrips:
         """Return v and z at parameters, each with its interval and its place s there."""
         v, ends = strip.at(t)
         low, high = ends[np.arange(len(t)), number].T
-        return v, self._evaluated(low + s * (high - low), v)
-
-    def _evaluated(self, u: Floats, v: Floats) -> Floats:
-        """Return the graph at points, those that rounding put beside it moved onto its rim."""
-        u, v = (
-            np.clip(row, kv.start, kv.stop) for row, kv in zip((u, v), (self.graph.kv_u, self.graph.kv_v))
-        )
-        return self.graph(u, v)
+        return v, self.graph(*self.graph.on_domain(low + s * (high - low), v))
 
     def _least(self, strip: Strip, t: Floats) -> tuple[Floats, Integers, Floats]:
         """Return the least heights on lines, the numbers of their intervals, and s."""
@@ -246,7 +239,7 @@ class GraphOverStrips:
             low, high = (ends[first : first + step, :, k, None] for k in (0, 1))
             u = low + s * (high - low)
             across = np.broadcast_to(v[first : first + step, None, None], u.shape)
-            heights = self._evaluated(u.ravel(), across.ravel()).reshape(len(u), -1)
+            heights = self.graph(*self.graph.on_domain(u.ravel(), across.ravel())).reshape(len(u), -1)
             best = heights.argmin(axis=1)
             found.append((heights[np.arange(len(u)), best], best // len(s), s[best % len(s)]))
         z, number, at = (np.concatenate(rows) for rows in zip(*found))

@@ -117,8 +117,7 @@ def on_surfaces(lens: Lens, front: Floats, rear: Floats) -> list[Floats]:
     the rectangle have the height of its rim."""
     levels = []
     for graph, vertex, own in zip(lens.graphs(), (0.0, lens.thickness), (front, rear)):
-        x, y = (np.clip(row, kv.start, kv.stop) for row, kv in zip(own.T, (graph.kv_u, graph.kv_v)))
-        levels.append(np.column_stack([own, vertex + graph(x, y)]))
+        levels.append(np.column_stack([own, vertex + graph(*graph.on_domain(*own.T))]))
     return levels
 
 

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from thbcad.checks import Bools, Floats
-from thbcad.outlines.pieces import RimPiece, inside, integral_within
+from thbcad.outlines.pieces import RimPiece, integral_within
 from thbcad.outlines.rounded_rectangle import Outline
 from thbcad.splines import BSplineSurface, Integrand, gauss_rule
 
@@ -113,7 +113,7 @@ def walled_volume(
     for own, other in zip(low, shape.pieces):
         t, weights = other.rule(x, y, degree)
         f, r = own(t), other(t)
-        base, top = front(*inside(front, *f)), thickness + rear(*inside(rear, *r))
+        base, top = front(*front.on_domain(*f)), thickness + rear(*rear.on_domain(*r))
         d, slope, other_slope = np.subtract(r, f), np.array(own(t, 1)), np.array(other(t, 1))
         first, second = cross(slope, d), cross(other_slope - slope, d)
         volume += float(weights @ (base * (first + second / 2) + (top - base) * (first / 2 + second / 3)))

@@ -167,11 +167,5 @@ def integral_within(graph: BSplineSurface, pieces: Sequence[Path]) -> float:
     total = 0.0
     for piece in pieces:
         t, weights = piece.rule(*lines, p + q)
-        total += float(weights @ (primitive(*inside(graph, *piece(t))) * piece(t, 1)[1]))
+        total += float(weights @ (primitive(*graph.on_domain(*piece(t))) * piece(t, 1)[1]))
     return total
-
-
-def inside(graph: BSplineSurface, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return points of the rim, those that rounding put beside the rectangle of the graph moved onto it."""
-    x, y = (np.clip(row, kv.start, kv.stop) for row, kv in ((x, graph.kv_u), (y, graph.kv_v)))
-    return x, y

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from thbcad.checks import Floats, Integers
-from thbcad.outlines.pieces import RimPiece, inside
+from thbcad.outlines.pieces import RimPiece
 from thbcad.splines import BSplineSurface, KnotVector
 
 DEGREE = 5
@@ -72,7 +72,7 @@ def matched_rims(graphs: Sequence[BSplineSurface], pieces: Sequence[RimPiece]) -
     def rim(t: Floats) -> Floats:
         rows = []
         for graph, piece in zip(graphs, pieces):
-            x, y = inside(graph, *piece(t))
+            x, y = graph.on_domain(*piece(t))
             rows += [x, y, graph(x, y)]
         return np.column_stack(rows)
 

@@ -263,6 +263,10 @@ class Surface(Spline, AnySurface):
         """The knots in u and in v."""
         return self.kv_u, self.kv_v
 
+    def on_domain(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Return parameters, those that rounding put beside the domain moved onto its rim."""
+        return np.clip(u, *self.kv_u.domain), np.clip(v, *self.kv_v.domain)
+
     def area(self) -> tuple[float, float]:
         """Return the area, of numbers that of the graph, and an estimate of its error, as `arc_length`."""
         return area(self.grid, self.kv_u, self.kv_v)

@@ -126,8 +126,7 @@ def _error(face: TopoDS_Face, piece: _Piece) -> float:
     )
     if isinstance(surface, Geom_BSplineSurface) and max(surface.UDegree(), surface.VDegree()) <= MAX_DEGREE:
         spline = spline_surface(surface)
-        u, v = (np.clip(row, kv.start, kv.stop) for row, kv in zip(parameters.T, (spline.kv_u, spline.kv_v)))
-        exact = spline(u, v)
+        exact = spline(*spline.on_domain(*parameters.T))
     else:
         exact = np.array([surface.Value(u, v).Coord() for u, v in parameters.tolist()])
     return float(np.linalg.norm(points - exact, axis=1).max())
