@@ -66,9 +66,9 @@ if TYPE_CHECKING:
         REAR,
         Tessellation,
         closed_triangles,
-        require_apart,
         subdivided,
         tessellated,
+        told_apart,
         walled_triangles,
     )
 

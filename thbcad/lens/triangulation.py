@@ -95,9 +95,8 @@ def tessellated(lens: Lens, chord: float, single: bool = False) -> Tessellation:
             f"a chord error of {chord:g} mm needs {count:,} triangles, more than {MOST_TRIANGLES:,}; allow "
             "a greater one"
         )
-    vertices = _vertices([s.grid(u, v) for s in surfaces], rows, single)
     triangles, strips = closed_triangles(len(u) - 1, len(v) - 1, rows)
-    require_apart(vertices, triangles)
+    vertices = told_apart(_vertices([s.grid(u, v) for s in surfaces], rows), triangles, single)
     faces = np.where(strips < EDGES[0], strips, EDGES[0] + (strips - EDGES[0]) % len(EDGES))
     return Tessellation(vertices, triangles, faces, max(bound, edge_bound) + added)
 
@@ -187,23 +186,26 @@ def _rows(
     return rows, max((float((bend + turn / rows).max()) for bend, turn in sides), default=0.0)
 
 
-def _vertices(grids: list[Floats], rows: int, single: bool) -> Floats:
+def _vertices(grids: list[Floats], rows: int) -> Floats:
     """Return the vertices of front, rear and the rows between their rims, front first, (n, 3)."""
     ring = rim_indices(*grids[0].shape[:2])
     front, rear = (g.reshape(-1, 3) for g in grids)
     fraction = (np.arange(1, rows) / rows)[:, None, None]
     between = (1 - fraction) * front[ring] + fraction * rear[ring]
-    vertices = np.concatenate([front, rear, between.reshape(-1, 3)])
-    return vertices.astype(np.float32).astype(np.float64) if single else vertices
+    return np.concatenate([front, rear, between.reshape(-1, 3)])
 
 
-def require_apart(vertices: Floats, triangles: Integers) -> None:
-    """Raise ValueError where two corners of a triangle are one point."""
+def told_apart(vertices: Floats, triangles: Integers, single: bool) -> Floats:
+    """Return vertices, rounded to float32 where they shall be `single`; raise ValueError where two corners of
+    a triangle are one point then."""
+    if single:
+        vertices = vertices.astype(np.float32).astype(np.float64)
     if any((vertices[triangles[:, k]] == vertices[triangles[:, k - 1]]).all(axis=1).any() for k in range(3)):
         raise ValueError(
             "two vertices of the mesh lie closer than float32 tells apart; allow a greater chord error or "
             "use float64"
         )
+    return vertices
 
 
 def closed_triangles(nu: int, nv: int, rows: int) -> tuple[Integers, Integers]:

@@ -24,11 +24,11 @@ from thbcad.lens import (
     Lens,
     Tessellation,
     closed_triangles,
-    require_apart,
     require_clear,
     require_sound,
     rim_indices,
     tessellated,
+    told_apart,
     walls_of,
 )
 from thbcad.meshes.plans import (
@@ -68,11 +68,8 @@ def tapered_mesh(lens: Lens, chord: float, single: bool = False) -> Tessellation
         if needed > MOST_TRIANGLES or chords >= chord - added:
             raise too_many(chord)
         rows = max(rows + 1, int(np.ceil(rows * min(twist / (chord - added - chords), MOST_TRIANGLES))))
-    vertices = np.concatenate([front, rear, *levels[1:-1]])
-    if single:
-        vertices = vertices.astype(np.float32).astype(np.float64)
     triangles, strips = closed_triangles(cells, cells, len(levels) - 1)
-    require_apart(vertices, triangles)
+    vertices = told_apart(np.concatenate([front, rear, *levels[1:-1]]), triangles, single)
     faces = np.where(strips < EDGES[0], strips, EDGES[0] + (strips - EDGES[0]) % len(EDGES))
     return Tessellation(vertices, triangles, faces, max(bound, chords + twist) + added)
 
@@ -151,12 +148,9 @@ def body_mesh(
     bounds = bounds_of(lens, max(outer.half_width), (shape, shape))
     added = bounds.rounding(single)
     plan, bound = plan_within(shape, outer, bounds, chord - added)
-    vertices = _vertices(lens, plan, shape, outer, flange)
-    if single:
-        vertices = vertices.astype(np.float32).astype(np.float64)
     cells = len(plan) - 1
     triangles, strips = closed_triangles(cells, cells, 5 if flange else 1)
-    require_apart(vertices, triangles)
+    vertices = told_apart(_vertices(lens, plan, shape, outer, flange), triangles, single)
     return Tessellation(vertices, triangles, strips, bound + added, _names(flange is not None))
 
 

@@ -11,7 +11,7 @@ Source: G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82 (1975) 648.
 import numpy as np
 
 from thbcad.checks import EPS, Bools, Floats, Integers
-from thbcad.lens import MOST_TRIANGLES, Lens, Tessellation, require_apart, require_polygon, walled_triangles
+from thbcad.lens import MOST_TRIANGLES, Lens, Tessellation, require_polygon, told_apart, walled_triangles
 from thbcad.meshes.plans import bounds_of, least_circles, on_surfaces, too_many
 from thbcad.outlines import Polygon
 
@@ -42,11 +42,8 @@ def polygon_mesh(lens: Lens, chord: float, corners: object, single: bool = False
     circles = least_circles(*(positions[plan[:, k]] for k in range(3)))
     bound = bounds.bend * float(circles.max()) / 2
     ring = _rim(plan)
-    vertices = np.concatenate(on_surfaces(lens, positions, positions))
-    if single:
-        vertices = vertices.astype(np.float32).astype(np.float64)
     triangles = walled_triangles(plan, ring, len(positions), 1)
-    require_apart(vertices, triangles)
+    vertices = told_apart(np.concatenate(on_surfaces(lens, positions, positions)), triangles, single)
     count = len(polygon.corners)
     sides = np.cumsum(ring < count) - 1  # corners have the first numbers, in their order
     faces = np.concatenate([np.repeat([0, 1], len(plan)), 2 + np.repeat(sides, 2)])
