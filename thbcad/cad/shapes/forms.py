@@ -21,8 +21,8 @@ from OCP.Geom2d import Geom2d_Curve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, rational_geom, trace
-from thbcad.cad.shapes.topology import BUILDER, face_on, side_line, turned, turned_face
+from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, rational_geom, trace
+from thbcad.cad.shapes.topology import face_on, side_line, turned, turned_face
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Corner, OpticalForm, Side, rim
 from thbcad.outlines import fitted_curve
@@ -150,11 +150,7 @@ def optical_face(form: Form, edges: Mapping[Side, TopoDS_Edge], outward: bool) -
     outward : whether its normal points to +z, as that of the rear
     """
     loop = [turned(edges[side], side.clockwise) for side in SIDES]
-    face = face_on(form.surface(), loop, form.upward)
-    for side in SIDES:
-        image = form.side_trace(side)
-        if image is not None:
-            BUILDER.UpdateEdge(edges[side], image, face, TOLERANCE)
+    face = face_on(form.surface(), loop, form.upward, map(form.side_trace, SIDES))
     return turned_face(face, form.upward != outward)
 
 

@@ -14,7 +14,6 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.topology import (
-    BUILDER,
     NAMES,
     Part,
     closed_part,
@@ -183,18 +182,12 @@ class _Sheet:
         return edges
 
     def _face(self, patch: BSplineSurface) -> TopoDS_Face:
-        chains = {side: self.chain(side, patch) for side in SIDES}
-        loop = [
-            turned(edge, side.clockwise)
-            for side, chain in chains.items()
-            for edge in (chain[::-1] if side.clockwise else chain)
-        ]
-        face = face_on(geom_surface(patch), loop)
-        for side, chain in chains.items():
-            line = side_line(patch, side)
-            for edge in chain:
-                BUILDER.UpdateEdge(edge, line, face, TOLERANCE)
-        return face
+        loop, images = [], []
+        for side in SIDES:
+            chain = self.chain(side, patch)
+            loop += [turned(edge, side.clockwise) for edge in (chain[::-1] if side.clockwise else chain)]
+            images += [side_line(patch, side)] * len(chain)
+        return face_on(geom_surface(patch), loop, True, images)
 
 
 def _corner(surface: BSplineSurface, corner: Corner) -> tuple[float, float]:

@@ -200,7 +200,6 @@ def ruled_edge_face(
     ruled : as `ruled_edge`
     rims : the images of front and rear rim in its parameters; None where they have the parameter of `ruled`
     """
-    face = face_on(geom_surface(ruled), list(chain.from_iterable(chains)))
     across, along = gp_Dir2d(0, 1), gp_Dir2d(1, 0)
     images = [
         rims[0] or Geom2d_Line(gp_Pnt2d(0, 0), along),
@@ -208,7 +207,6 @@ def ruled_edge_face(
         rims[1] or Geom2d_Line(gp_Pnt2d(0, 1), along),
         Geom2d_Line(gp_Pnt2d(ruled.kv_u.start, 0), across),
     ]
-    for edges, image in zip(chains, images):
-        for edge in edges:
-            BUILDER.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+    of_edges = [image for edges, image in zip(chains, images) for _ in edges]
+    face = face_on(geom_surface(ruled), list(chain.from_iterable(chains)), True, of_edges)
     return turned_face(face, side.clockwise)
