@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
     BRepBuilderAPI_MakeFace,
@@ -13,11 +12,11 @@ from OCP.BRepBuilderAPI import (
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeRevol
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pln, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import faces_of
 from thbcad.cad.parts.named_booleans import fused, named_part, without
-from thbcad.cad.shapes import Part, lens_part
+from thbcad.cad.shapes import Part, closed_part, lens_part, new_wire
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.mounts import Gate, Hole, Mount, MountProof, Post, require_mount
 from thbcad.outlines import Outline
@@ -137,23 +136,17 @@ def _polyhedron(loops: Sequence[Sequence[Point3]]) -> TopoDS_Shape:
     outside."""
     vertices = {point: BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex() for loop in loops for point in loop}
     edges: dict[tuple[Point3, Point3], TopoDS_Shape] = {}
-    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
-    builder.MakeShell(shell)
-    builder.MakeSolid(solid)
+    faces = []
     for loop in loops:
-        wire = TopoDS_Wire()
-        builder.MakeWire(wire)
+        used = []
         for start, stop in pairwise([*loop, loop[0]]):
             if (stop, start) not in edges:
                 edges[start, stop] = BRepBuilderAPI_MakeEdge(vertices[start], vertices[stop]).Edge()
-            used = edges[start, stop] if (start, stop) in edges else edges[stop, start].Reversed()
-            builder.Add(wire, used)
+            used.append(edges[start, stop] if (start, stop) in edges else edges[stop, start].Reversed())
         a, b, c = (gp_Pnt(*point) for point in loop[:3])
         plane = gp_Pln(a, gp_Dir(gp_Vec(a, b).Crossed(gp_Vec(b, c))))
-        builder.Add(shell, BRepBuilderAPI_MakeFace(plane, wire, False).Face())
-    shell.Closed(True)
-    builder.Add(solid, shell)
-    return solid
+        faces.append(BRepBuilderAPI_MakeFace(plane, new_wire(used), False).Face())
+    return closed_part([""] * len(faces), faces).solid
 
 
 def _turned(profile: Sequence[tuple[float, float]], place: tuple[float, float]) -> TopoDS_Shape:
