@@ -13,13 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from optics.designing.etendue import Kernel, approximate
+from optics.designing.prediction.blurred_picture import KKT, MOST_PIXELS, SMALL, STEPS
 from optics.light.analysis import rel_l2
 from optics.light.blur import Displacements
 from optics.scene.system import OpticalSystem
 
-MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
-KKT, STEPS = 1e-5, 2000  # of the best light
-SMALL = 1e-3  # of rel_l2: less is none
 SPOILT = 0.05  # of rel_l2, from which on a remedy is worth a word: half of what pictures may miss
 
 
