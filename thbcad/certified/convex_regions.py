@@ -26,6 +26,12 @@ class Stack:
     heights: Floats
     supports: Floats
 
+    @classmethod
+    def around(cls, points: Floats) -> Stack:
+        """Return a stack that holds points, (3, n) mm."""
+        supports = supports_of(points[:2].T)
+        return cls(np.array([points[2].min(), points[2].max()]), np.array([supports, supports]))
+
     def towards(self, other: Stack, z: float) -> Stack:
         """Return a figure at a height between two stacks that holds where straight paths from the one to the
         other cross it."""

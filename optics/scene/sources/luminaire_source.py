@@ -15,7 +15,7 @@ from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, Pa
 from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import Rays
 from optics.scene.sources.spreading import MIRRORS, concentric, mirror_images
-from thbcad.certified import Stack, supports_of
+from thbcad.certified import Stack
 from thbcad.checks import Floats
 
 SAMPLE = (128, 128)  # rays that tell the point which stands for the light
@@ -94,9 +94,7 @@ class LuminaireSource(FileSource):
 
     def envelope(self) -> tuple[Stack, float]:
         corners = np.array([(x, y, 0.0) for x in (-1, 1) for y in (-1, 1)]) * [*self.half_width, 0.0]
-        points = self.pose.points(corners.T).T
-        supports = supports_of(points[:, :2])
-        return Stack(np.array([points[:, 2].min(), points[:, 2].max()]), np.array([supports, supports])), 90.0
+        return Stack.around(self.pose.points(corners.T)), 90.0
 
     def parts(
         self, counts: Counts, fresh: Fresh = None, most: int = ALL, aperture: Ends = None, centre: Pair = AXIS

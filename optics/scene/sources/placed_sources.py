@@ -14,7 +14,7 @@ import numpy as np
 from optics.scene.sources.cells import SourceCells
 from optics.scene.sources.light_source import ALL, AXIS, Counts, Ends, Fresh, LightSource, Pair
 from optics.scene.sources.rays import RayGrid, Rays
-from thbcad.certified import Stack, supports_of
+from thbcad.certified import Stack
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 
@@ -77,7 +77,7 @@ class PlacedSource(LightSource):
 
     def envelope(self) -> tuple[Stack, float]:
         tilt = degrees(acos(np.clip(self.pose.rotation[2, 2], -1.0, 1.0)))
-        return _around(self.corners), self.source.envelope()[1] + tilt
+        return Stack.around(self.corners), self.source.envelope()[1] + tilt
 
     def without_extent(self) -> PlacedSource:
         return replace(self, source=self.source.without_extent())
@@ -156,7 +156,7 @@ class SourceGroup(LightSource):
         return np.concatenate([member.corners for member in self.members], axis=1)
 
     def envelope(self) -> tuple[Stack, float]:
-        return _around(self.starts()), max(member.envelope()[1] for member in self.members)
+        return Stack.around(self.starts()), max(member.envelope()[1] for member in self.members)
 
     def without_extent(self) -> LightSource:
         """Return the brightest source without extent, with all the light, in the middle of all."""
@@ -186,9 +186,3 @@ class SourceGroup(LightSource):
         share = counts[0] * counts[1] * member.flux / self.flux
         each = max(LEAST, isqrt(round(share)))
         return each, each
-
-
-def _around(points: Floats) -> Stack:
-    """Return figures that hold points, (3, n) mm."""
-    supports = supports_of(points[:2].T)
-    return Stack(np.array([points[2].min(), points[2].max()]), np.array([supports, supports]))
