@@ -12,11 +12,11 @@ plane.
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import SuperLU
 
 from thbcad.checks import Floats
-from thbcad.fitting.normal_equations import thin_plate
+from thbcad.fitting.normal_equations import symmetric_lu, thin_plate
 from thbcad.hierarchy import THBSpace
 from thbcad.outlines import Outline
 
@@ -84,12 +84,4 @@ class Continuation:
         follows = ~self.free
         where = self._followed[follows].sum(axis=0) > 0  # cells on which a function acts that is not free
         energy = thin_plate(self._space, where, follows)
-        return (
-            splu(
-                csc_array(energy[:, follows]),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            ),
-            csr_array(energy[:, self.free]),
-        )
+        return symmetric_lu(energy[:, follows]), csr_array(energy[:, self.free])

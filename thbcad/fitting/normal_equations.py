@@ -161,6 +161,12 @@ def _integrals(kv: KnotVector) -> list[csr_array]:
     return [csr_array(d.T @ (diags_array(weights) @ d)) for d in slopes]
 
 
+def symmetric_lu(matrix: csr_array) -> SuperLU:
+    """Return the factors of a symmetric positive definite matrix."""
+    options = {"SymmetricMode": True}
+    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
 def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> Factors:
     """Return the factors of a normal matrix; refuse a singular one."""
     diagonal = normal.diagonal()
@@ -174,8 +180,7 @@ def _factorised(normal: csr_array, space: THBSpace, smoothing: float) -> Factors
     scale = 1 / np.sqrt(diagonal)
     rounding = space.dim * EPS
     # the shift keeps the pivots of a singular matrix from being exactly zero; further solves make up for it
-    scaled = csc_array(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
-    lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    lu = symmetric_lu(diags_array(scale) @ normal @ diags_array(scale) + rounding * eye_array(space.dim))
     # inverse iteration: towards the eigenvector of the least eigenvalue, which is 1 / |weak|
     weak = np.random.default_rng(0).standard_normal(space.dim)
     for _ in range(2):
