@@ -16,7 +16,7 @@ from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import receiver_at
-from optics.scene.sources import Profile, Rays, lambertian_parts
+from optics.scene.sources import Divergence, Profile, Rays, area_parts
 from oracles.exact_meetings import ExactGraph
 from oracles.first_meetings import MEETS, OPEN, first_meetings
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
@@ -66,7 +66,9 @@ def extended_source(front: FreeformSurface, count: int, seed: int) -> Rays:
     """Return the rays of a Lambertian square of 1 mm."""
     distance = BEFORE - _heights(front)[0]
     some = 4 << (max(count, 4) // 4 - 1).bit_length()
-    rays = next(lambertian_parts((0.5, 0.5), distance, some, 85.0, Profile(), some, seed, some))
+    rays = next(
+        area_parts((0.5, 0.5), distance, some, Divergence("lambertian", 85.0), Profile(), some, seed, some)
+    )
     return next(rays.slices(count))
 
 

@@ -27,7 +27,6 @@ from optics.scene.sources import (
     RayGrid,
     Rays,
     area_parts,
-    lambertian_parts,
     placed_rays,
     point_rays,
 )
@@ -251,7 +250,7 @@ def sources() -> Iterator[Case]:
     """Yield sources before lenses: a point, a square of 1 mm, the same of a file, a beam, and the sun."""
     target, far = 300.0, np.inf
     point = point_rays(60.0, 1.0, 30.0, 0.0, (7, 6), (0.0, 0.0))
-    square = next(lambertian_parts((0.5, 0.5), 2.0, 1.0, 89.9, Profile(), 64, 0, 64))
+    square = next(area_parts((0.5, 0.5), 2.0, 1.0, Divergence("lambertian", 89.9), Profile(), 64, 0, 64))
     front, dome = Quadric(FLAT.terms, 40.0), Quadric((0.0, 0.0, 0.0, -0.1, -0.1), 5.0)
     rears = Quadric((0.0, 0.0, 0.0, -1 / 140, -1 / 140), 45.0), Quadric((0.0, 0.0, 0.0, -0.05, -0.05), 8.0)
     for name, distance in (("", target), (" in the far field", far)):

@@ -13,7 +13,7 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.problem import Problem, load_problem
 from optics.scene.receivers import receiver_at
-from optics.scene.sources import collimated_beam
+from optics.scene.sources import Divergence, area_parts, collimated_beam
 from optics.scene.system import OpticalSystem
 from tests.cases import EXAMPLES
 from thbcad.hierarchy import THBSpace
@@ -28,6 +28,12 @@ THREADS = 1, 2, 4
 def failing(checks):
     """Return the names of the checks that fail."""
     return [check.name for check in checks if not check.ok]
+
+
+def lambertian_parts(half_width, distance, flux, half_angle, *rest):
+    """Yield the rays of a Lambertian source within a cone of so many degrees; the rest is as of
+    `area_parts`."""
+    return area_parts(half_width, distance, flux, Divergence("lambertian", half_angle), *rest)
 
 
 def on_threads(threads, work, *arguments):

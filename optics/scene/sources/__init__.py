@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from optics.scene.sources.spreading import (
         area_parts,
         concentric,
-        lambertian_parts,
         mirror_half,
         point_rays,
     )

@@ -22,21 +22,6 @@ from thbcad.checks import Floats
 MIRRORS = tuple((i, j) for i in (1.0, -1.0) for j in (1.0, -1.0))
 
 
-def lambertian_parts(
-    half_width: Sequence[float],
-    distance: float,
-    flux: float,
-    half_angle: float,
-    profile: Profile,
-    count: int,
-    seed: int,
-    most: int,
-) -> Iterator[Rays]:
-    """Yield the rays of a Lambertian source within a cone of `half_angle` degrees, see `area_parts`."""
-    spread = Divergence("lambertian", half_angle)
-    return area_parts(half_width, distance, flux, spread, profile, count, seed, most)
-
-
 def area_parts(
     half_width: Sequence[float],
     distance: float,

@@ -10,8 +10,17 @@ from optics.designing.optimisation.objective import Objective
 from optics.designing.optimisation.stage_plan import PROBES
 from optics.light.engines import ExactEngine, TracedModel
 from optics.scene.receivers import BSplineWindow, Screen
-from optics.scene.sources import Profile, collimated_beam, lambertian_parts
-from tests.optics.cases import TARGET_Z, hollow_lens, picture, rough, small_lens, small_system, tracer_to
+from optics.scene.sources import Profile, collimated_beam
+from tests.optics.cases import (
+    TARGET_Z,
+    hollow_lens,
+    lambertian_parts,
+    picture,
+    rough,
+    small_lens,
+    small_system,
+    tracer_to,
+)
 from thbcad.sags import Conic
 
 FLAT = {"optimizer.start": "flat"}

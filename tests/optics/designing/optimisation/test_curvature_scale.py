@@ -12,8 +12,17 @@ from optics.designing.optimisation.objective import Objective
 from optics.light.engines import TracedModel
 from optics.light.measuring import Splat
 from optics.scene.receivers import BSplineWindow, Screen, filter_image
-from optics.scene.sources import Profile, collimated_beam, lambertian_parts
-from tests.optics.cases import coefficients, hollow_lens, picture, rough, small_lens, small_space, tracer_to
+from optics.scene.sources import Profile, collimated_beam
+from tests.optics.cases import (
+    coefficients,
+    hollow_lens,
+    lambertian_parts,
+    picture,
+    rough,
+    small_lens,
+    small_space,
+    tracer_to,
+)
 from tests.optics.designing.optimisation.cases import check_adjoint, run
 from thbcad.sags import Conic
 

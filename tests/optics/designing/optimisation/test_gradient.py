@@ -7,9 +7,18 @@ import pytest
 from scipy.optimize import Bounds, minimize
 
 from optics.scene.receivers import BSplineWindow, GaussianWindow, Screen, filter_image
-from optics.scene.sources import Profile, collimated_beam, lambertian_parts, point_rays
+from optics.scene.sources import Profile, collimated_beam, point_rays
 from oracles.light_formulas import brute_irradiance
-from tests.optics.cases import PLANE, TARGET_Z, coefficients, rough, small_lens, small_space, tracer_to
+from tests.optics.cases import (
+    PLANE,
+    TARGET_Z,
+    coefficients,
+    lambertian_parts,
+    rough,
+    small_lens,
+    small_space,
+    tracer_to,
+)
 from tests.optics.designing.optimisation.cases import (
     ANGLES,
     BOTH,

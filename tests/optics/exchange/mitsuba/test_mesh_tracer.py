@@ -11,9 +11,18 @@ from optics.exchange.mitsuba.mesh_tracer import MeshTracer
 from optics.light.engines import TracedModel
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, receiver_at
-from optics.scene.sources import Profile, collimated_beam, lambertian_parts
+from optics.scene.sources import Profile, collimated_beam
 from optics.scene.system import OpticalSystem
-from tests.optics.cases import coefficients, hollow_lens, rough, small_lens, small_space, target_z, tracer_to
+from tests.optics.cases import (
+    coefficients,
+    hollow_lens,
+    lambertian_parts,
+    rough,
+    small_lens,
+    small_space,
+    target_z,
+    tracer_to,
+)
 from tests.optics.exchange.mitsuba.cases import exact_image
 
 pytestmark = pytest.mark.usefixtures("mi")

@@ -12,10 +12,10 @@ from optics.exchange.verification.optiland_tracer import optiland_available, opt
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.reference_tracer import trace_step
 from optics.scene.receivers import receiver_at
-from optics.scene.sources import Profile, lambertian_parts
+from optics.scene.sources import Profile
 from oracles.light_formulas import fresnel, meridional
 from tests.cases import slow_unless
-from tests.optics.cases import failing, hollow_lens, moved_point, small_lens
+from tests.optics.cases import failing, hollow_lens, lambertian_parts, moved_point, small_lens
 from tests.optics.exchange.verification.cases import EVERY_SHAPE, LENSES, written
 from thbcad import read_step, write_step
 from thbcad.lens import placed_surfaces

@@ -5,8 +5,8 @@ import pytest
 
 import optics
 from optics.scene.ray_files import RaySet, write_rays
-from optics.scene.sources import PointSource, Profile, lambertian_parts, mirror_half
-from tests.optics.cases import rough, small_problem
+from optics.scene.sources import PointSource, Profile, mirror_half
+from tests.optics.cases import lambertian_parts, rough, small_problem
 
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.4], "source.distance": 20.0}
 COUNT = 1 << 18

@@ -15,10 +15,9 @@ from optics.scene.sources import (
     SourceCells,
     collimated_beam,
     cone_cells,
-    lambertian_parts,
     point_rays,
 )
-from tests.optics.cases import TARGET_Z, rough, small_lens, small_space
+from tests.optics.cases import TARGET_Z, lambertian_parts, rough, small_lens, small_space
 from thbcad import Conic, Pose, THBSurface
 from thbcad.lens import FreeformSurface, Lens
 

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from optics.scene.sources import Profile, collimated_beam, lambertian_parts, point_rays, single_rays
+from optics.scene.sources import Profile, collimated_beam, point_rays, single_rays
 from oracles.light_formulas import fresnel, meridional
 from tests.cases import examples
 from tests.optics.cases import (
     coefficients,
     hollow_lens,
+    lambertian_parts,
     landing_points,
     rough,
     small_lens,

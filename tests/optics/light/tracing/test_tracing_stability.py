@@ -11,11 +11,11 @@ from optics.designing.optimisation import Objective
 from optics.light.engines import TracedModel
 from optics.light.tracing.refraction import refract
 from optics.scene.receivers import BSplineWindow, Screen
-from optics.scene.sources import Profile, Rays, collimated_beam, lambertian_parts
+from optics.scene.sources import Profile, Rays, collimated_beam
 from oracles.exact_rays import ARRIVES, Quadric, Setup, exact_trace
 from oracles.tracing_accuracy import LIMIT, cases, measure
 from tests.cases import THOROUGH
-from tests.optics.cases import coefficients, hollow_lens, rough, tracer_to
+from tests.optics.cases import coefficients, hollow_lens, lambertian_parts, rough, tracer_to
 from tests.optics.light.tracing.cases import step_trace
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.scene.ray_files import RaySet
-from optics.scene.sources import Profile, lambertian_parts, placed_rays
+from optics.scene.sources import Profile, placed_rays
+from tests.optics.cases import lambertian_parts
 from thbcad import Pose
 
 SQUARE = 1 << 14

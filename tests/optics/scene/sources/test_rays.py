@@ -9,8 +9,8 @@ from scipy.stats import truncnorm
 from optics.scene.sources.collimated import collimated_beam
 from optics.scene.sources.profile import Profile
 from optics.scene.sources.rays import Rays, single_rays
-from optics.scene.sources.spreading import concentric, lambertian_parts, point_rays
-from tests.optics.cases import small_lens
+from optics.scene.sources.spreading import concentric, point_rays
+from tests.optics.cases import lambertian_parts, small_lens
 from thbcad.sags import Conic
 
 HALF_WIDTH = 0.5, 0.25
