@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.ray_files.binary import packed_type, record, require_known, require_rows, rows
+from optics.scene.ray_files.binary import packed_type, record, require_known, rows
 from optics.scene.ray_files.ray_set import RaySet
 
 SIGNATURE, END = b"LTRF", b"LTRFEND"
@@ -48,9 +48,7 @@ def read_lighttools(path: Path, data: memoryview) -> RaySet:
     held = len(data) - HEADER.itemsize - len(END)
     if bytes(data[-len(END) :]) != END or held % (4 * columns):
         raise UserError(f"{path} does not end with a whole ray and LTRFEND; it may be truncated")
-    count = held // (4 * columns)
-    require_rows(path, len(data), HEADER.itemsize, count, columns)
-    table = rows(data, HEADER.itemsize, count, columns)
+    table = rows(data, HEADER.itemsize, held // (4 * columns), columns)
     scale, origin = MILLIMETRES[head["length_unit"]], np.array(head["origin"], np.float32)
     position = table[:, :3]
     if scale != 1 or origin.any():
