@@ -3,14 +3,11 @@
 The flange is a frame round the lens: its two planes cut the edges of the lens, never the front or the rear.
 """
 
-from OCP.TopoDS import TopoDS
-
 from thbcad.cad.shapes.forms import form_of, optical_face
 from thbcad.cad.shapes.lens_parts import Bounded, bounded_faces
-from thbcad.cad.shapes.topology import Part, closed_part, turned
+from thbcad.cad.shapes.topology import Part, closed_part
 from thbcad.cad.shapes.walls import RuledWall, UprightWall, Wall, form_ring, plane_face, wall_faces
 from thbcad.lens import (
-    SIDES,
     Flange,
     Lens,
     edge_names,
@@ -59,7 +56,6 @@ def walled_lens(lens: Lens, shape: Outline, planar: bool) -> tuple[Wall, Bounded
     for k, surface in enumerate(optical_forms(lens)):
         form = form_of(surface)
         ring = wall.sides(form, float(k)) if isinstance(wall, RuledWall) else form_ring(form)
-        edges = {side: TopoDS.Edge_s(turned(edge, side.clockwise)) for side, edge in zip(SIDES, ring.edges)}
-        optical.append((optical_face(form, edges, outward=k == 1), ring))
+        optical.append((optical_face(form, ring.edges, outward=k == 1), ring))
     front, rear = optical
     return wall, front, rear

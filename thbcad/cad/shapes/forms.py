@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,10 +19,10 @@ from OCP.Geom import (
 )
 from OCP.Geom2d import Geom2d_Curve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.shapes.occt_splines import geom_curve, geom_surface, rational_geom, trace
-from thbcad.cad.shapes.topology import face_on, side_line, turned, turned_face
+from thbcad.cad.shapes.topology import face_on, side_line, turned_face
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Corner, OpticalForm, Side, rim
 from thbcad.outlines import fitted_curve
@@ -144,12 +144,11 @@ class ConicForm:
         return _fitted(lambda t: self.conic.parameters(points(t)), ends, unit)
 
 
-def optical_face(form: Form, edges: Mapping[Side, TopoDS_Edge], outward: bool) -> TopoDS_Face:
-    """Return the face of front or rear within the edges along its sides, x or y rising.
+def optical_face(form: Form, loop: Sequence[TopoDS_Shape], outward: bool) -> TopoDS_Face:
+    """Return the face of front or rear within the edges along its sides, counter-clockwise seen from +z.
 
     outward : whether its normal points to +z, as that of the rear
     """
-    loop = [turned(edges[side], side.clockwise) for side in SIDES]
     face = face_on(form.surface(), loop, form.upward, map(form.side_trace, SIDES))
     return turned_face(face, form.upward != outward)
 

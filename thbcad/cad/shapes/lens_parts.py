@@ -23,6 +23,7 @@ from thbcad.cad.shapes.topology import (
     plane_edge_face,
     ruled_edge_face,
     strut,
+    turned,
     turned_face,
 )
 from thbcad.cad.shapes.walls import Ring, RuledWall, UprightWall, wall_faces
@@ -179,7 +180,8 @@ def part_between(surfaces: Sequence[OpticalForm], ruled: Sequence[BSplineSurface
     struts = {
         c: strut([own[c] for own in corners], [own[c] for own in vertices], ruled is None) for c in CORNERS
     }
-    faces = [optical_face(forms[k], edges[k], outward=k == 1) for k in (0, 1)]
+    loops = [[turned(own[side], side.clockwise) for side in SIDES] for own in edges]
+    faces = [optical_face(forms[k], loops[k], outward=k == 1) for k in (0, 1)]
     for k, side in enumerate(SIDES):
         front, rear = (own[side] for own in edges)
         chains = [[front], [struts[side.stop]], [rear.Reversed()], [struts[side.start].Reversed()]]
