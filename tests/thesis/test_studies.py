@@ -80,6 +80,7 @@ def test_resume_runs_nothing_that_is_there(pages, runs, capsys):
     assert (pages / "chapter2.md").read_text() == text
 
 
+@pytest.mark.slow
 def test_resume_runs_what_is_missing(runs, capsys):
     before = times(runs)
     (runs / "filters.npz").unlink()

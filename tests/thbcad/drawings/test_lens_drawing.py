@@ -203,6 +203,7 @@ def directions(one):
     return np.array([np.multiply(AXIS[a[-1]], -1 if a[0] == "-" else 1) for a in one.view.axes])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     "body", [{}, {"polygon": POLYGON}, {"aperture": (3, 2)}], ids=["whole", "cut", "round"]
 )

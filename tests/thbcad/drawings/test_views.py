@@ -202,7 +202,7 @@ def test_the_wall_of_an_outline_is_cut_where_its_rulings_pass(lens, axis, at):
     assert off.max() <= view.bound + step / 2
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(2)
 @pytest.mark.parametrize("lens", OUTLINES.values(), ids=OUTLINES)
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_a_side_of_a_lens_with_an_outline_is_as_large_as_its_mesh(lens, axis):

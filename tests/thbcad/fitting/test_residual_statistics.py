@@ -28,6 +28,7 @@ def spiked():
     return clean, Samples(u, v, values)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("smoothing", [0.0, 1e-4, "auto"])
 def test_outliers_leave_the_error_as_it_is_without_them(spiked, smoothing):
     clean, bad = spiked

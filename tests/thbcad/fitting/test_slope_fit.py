@@ -138,6 +138,7 @@ def test_a_factorisation_and_steps_find_the_same_slopes(monkeypatch, direct):
         assert np.sqrt(np.mean(weight * off**2)) < 1e-4
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("local", [False, True])
 def test_uneven_weights_are_fitted_as_well_as_by_dense_least_squares(local):
     """Slopes that no surface has, with weights of 1 in a disk and 1e-3 beside it."""

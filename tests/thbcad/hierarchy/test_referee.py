@@ -28,6 +28,7 @@ def both(degree, spans, marks):
     return space, topology, geometry
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(
     ("degree", "spans", "marks"),
     [

@@ -102,7 +102,7 @@ def test_a_frustum_with_ruled_edges(front, rear):
     assert areas(solid) == pytest.approx([4 * a * b, 4 * c * d, *sides], rel=1e-13)
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(6)
 @pytest.mark.parametrize("name", CASES)
 def test_round_lenses_and_round_flanges(name):
     """Against Green's theorem over the lens's own graphs; rims lie within 1e-9 mm of the ellipse, to either

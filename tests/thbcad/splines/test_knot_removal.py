@@ -141,6 +141,7 @@ def test_no_single_knot_more_can_go(curve, tolerance):
         assert dense_error(kv, c, without(found.kv, z)) > tolerance * (1 - 1e-9)  # both solve to about 1e-13
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     ("degree", "tolerance", "function"),
     [

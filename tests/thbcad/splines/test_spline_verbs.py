@@ -236,6 +236,7 @@ def test_no_point_of_a_dense_sample_of_a_curve_is_nearer(polynomial, rational, r
         assert np.allclose(np.linalg.norm(x - at, axis=1), found.distances, rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 @examples(8)
 @given(nurbs_surfaces(max_degree=3, max_spans=2), seeds())
 def test_no_point_of_a_dense_sample_of_a_surface_is_nearer(surface, rng):

@@ -73,6 +73,7 @@ def test_the_annulus_needs_381_patches():
     assert len(cell_rectangles(annulus())) == 381
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("components", [None, 3])
 def test_annulus_patches_are_the_surface(components):
     space = annulus()

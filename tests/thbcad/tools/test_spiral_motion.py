@@ -165,6 +165,7 @@ def test_a_nose_that_does_not_fit_is_refused_with_the_radius():
         greatest_section_curvature(BSplineSurface(line, line, np.zeros((3, 3))))
 
 
+@pytest.mark.slow
 def test_over_a_disk_the_bounds_are_those_of_its_points():
     """Of a rough graph and the corners of its square, where it is steeper."""
     disk, graph = Outline((5.0, 5.0), (5.0, 5.0)), rough(np.random.default_rng(1))

@@ -22,7 +22,7 @@ def test_the_targets_have_their_areas():
     )  # pixels along the edge, 2 pi 42 of 5600, half each way
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(4)
 def test_every_position_is_certified(case):
     _, _, result = case
     assert result.residual.shape == (7, 7)
@@ -46,6 +46,7 @@ def test_a_square_is_made_where_shifts_divide_it():
         assert (two_sources(target, 0, m).residual <= 1e-8) == (64 % (2 * m) == 0)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(("shape", "m", "n"), [(shape, *mark) for shape in MARKS for mark in MARKS[shape]])
 def test_the_marked_points_agree_with_the_general_solver(shape, m, n):
     target = {"square": square, "disk": disk}[shape]()[64:-64, 64:-64]

@@ -208,7 +208,7 @@ def test_cells_are_refined_around_the_feature(tmp_path, backend, start, indicato
         assert np.hypot(*(centre - spot)) < 5
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "more",
     [

@@ -131,6 +131,7 @@ def test_a_round_lens_is_as_deep_as_within_its_rim():
     assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_zones_are_not_predicted_as_pictures_are(backend):
     system = example_system("headlamp", {"target.pixels": [64, 32]})
     found, _ = expected(system, backend)

@@ -41,7 +41,7 @@ def few_rays(monkeypatch):
     monkeypatch.setattr(light_samples, "SETS", 2)
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(5)
 @pytest.mark.parametrize("name", SOURCES)
 def test_all_light_stays_in_its_hulls(name, few_rays):
     example, changes = SOURCES[name]

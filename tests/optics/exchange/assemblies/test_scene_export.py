@@ -93,6 +93,7 @@ def test_a_fixed_element_whose_file_names_another_glass_is_told(row, tmp_path):
     assert told.startswith(f"{part.name}: text of the file: words that are not those of the problem")
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("rows", [1, 2])
 def test_every_lens_of_a_plate_has_its_source_before_it(tmp_path, rows):
     plate = {"lens.array.columns": 3, "lens.array.rows": rows, "lens.array.pitch": 25.0}

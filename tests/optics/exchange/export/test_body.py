@@ -74,7 +74,7 @@ def exported_twice(capsys, lens, out, *options):
 CASES = [(word, name) for word, name in product(BODIES, SOLIDS) if word != "patches" or name == "step"]
 
 
-@pytest.mark.every(4)
+@pytest.mark.every(9)
 @pytest.mark.parametrize(("word", "name"), CASES)
 def test_every_body_passes_in_every_solid_format_and_repeats(capsys, given, tmp_path, word, name):
     out = tmp_path / f"body.{name}"

@@ -70,6 +70,7 @@ def test_the_sentences_tell_the_numbers_of_the_record(made):
     assert data["forms"] == {"rear.form": {"rms_nm": pytest.approx(100), "periods_mm": [3.0, 10.0]}}
 
 
+@pytest.mark.slow
 def test_the_median_lens_is_one_of_the_lenses(made):
     row, column = made.batch.nearest(0.5)
     np.testing.assert_array_equal(made.irradiance(0.5), made.model.irradiance(made.sampled.sets[row][column]))

@@ -165,6 +165,7 @@ pixels = [32, 32]
 """
 
 
+@pytest.mark.slow
 def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_etendue_allows(tmp_path):
     """From every pixel all of the plane mirror shows the source, whose image is 70 mm away and 44 mm wide.
 

@@ -58,6 +58,7 @@ def through_window(light, x, y, before, thickness, behind, index):
     return light.at(c, np.degrees(gamma)) * passed * np.interp(at, r, spread)
 
 
+@pytest.mark.slow
 def test_the_light_of_a_point_behind_a_window_is_that_of_quadrature(tmp_path):
     light = narrow()
     write_ies(light, tmp_path / "lamp.ies")

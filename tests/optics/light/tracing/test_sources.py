@@ -144,7 +144,7 @@ RAYS = {
 }
 
 
-@pytest.mark.every(4)
+@pytest.mark.every(5)
 @pytest.mark.parametrize("target_z", [TARGET_Z, FAR])
 @pytest.mark.parametrize("rays", RAYS)
 @pytest.mark.parametrize("lens", LENSES)

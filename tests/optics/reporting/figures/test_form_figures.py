@@ -73,6 +73,7 @@ def built() -> SimpleNamespace:
     )
 
 
+@pytest.mark.slow
 def test_the_light_is_drawn_in_four_panels(built: SimpleNamespace) -> None:
     with Image.open(BytesIO(made_light_figure(built, Screen((20.0, 15.0), (32, 24))))) as picture:
         assert picture.width > 3 * picture.height

@@ -131,7 +131,7 @@ def test_outlines_have_the_proportions_of_the_lens(name):
     assert found["side"] == pytest.approx((scale * depth, scale * height), abs=4)
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(6)
 @pytest.mark.parametrize("name", SIZES)
 def test_no_paper_shines_through(name):
     """In every row of the three outlines each pixel between the first and the last of the solid is drawn."""

@@ -51,7 +51,7 @@ DECENTRE = {"target.decentre_x": 0.2, "source.size": 1.0}
 LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.half_angle": 14.0}
 
 
-@pytest.mark.every(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "light",
     [LAMP | {"source.distance": 25.0}, {"source.divergence": 1.0}, {"lens.rear.slope_rms": 0.2}],

@@ -74,7 +74,7 @@ def test_a_mounted_and_moved_lens_reads_back_bit_for_bit(name, motion, tmp_path)
     assert np.abs(placement - there).max() < ROUNDING
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(8)
 @pytest.mark.parametrize("name", LENSES)
 def test_numbers_that_another_program_has_moved_are_put_back(name, tmp_path):
     lens, part = LENSES[name], part_of(name)

@@ -120,7 +120,7 @@ def test_every_number_reads_back(tmp_path, front, size, name):
         assert read.volume == pytest.approx(lens.volume(), rel=1e-6)
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(12)
 @pytest.mark.parametrize(  # often: every conic cut to an ellipse, and one of each kind of face otherwise
     ("front", "semi_axes", "name"),
     [

@@ -37,6 +37,7 @@ def test_a_plate_is_one_closed_solid_of_the_volume_in_closed_form(written):
     assert (other.is_valid, other.volume) == (True, pytest.approx(plate.volume(), rel=1e-4))  # OCCT's default
 
 
+@pytest.mark.every(3)
 def test_every_lens_has_the_poles_of_the_first_at_its_place_bit_for_bit(written):
     plate, path = written
     faces = {face.name: face for face in parse_brep(path).faces}
