@@ -51,8 +51,8 @@ class Boxes:
         """Return the positions of points in either direction, counted in boxes, and the boxes there."""
         dr = self.backend.dr
         positions = [(s + half) * per for s, half, per in zip((x, y), self.half_width, self.per_length)]
-        least = (dr.select(p > 0, dr.minimum(p, self.count - 1), 0) for p in positions)
-        return positions, [self.backend.Index(p) for p in least]
+        within = (dr.select(p > 0, dr.minimum(p, self.count - 1), 0) for p in positions)
+        return positions, [self.backend.Index(p) for p in within]
 
 
 @dataclass(frozen=True, eq=False)

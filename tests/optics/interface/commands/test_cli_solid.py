@@ -229,3 +229,12 @@ def test_results_of_verify_are_strict_json_with_every_check_named_once(named, ca
     names = [c["name"] for c in data_of(capsys, "verify", named.path, "--no-optiland")["checks"]]
     assert len(set(names)) == len(names) > 25
     assert json.loads((named.path / "verify.json").read_text())["ok"]
+
+
+@pytest.mark.slow  # it loads optiland
+def test_optiland_traces_the_file_beside_the_other_checks(golden, capsys):
+    pytest.importorskip("optiland")
+    checks = data_of(capsys, "verify", golden.path)["checks"]
+    found = [check for check in checks if "optiland" in check["name"]]
+    assert len(found) == 3
+    assert all(check["ok"] for check in found)
