@@ -21,7 +21,6 @@ from thbcad.surfaces import THBSurface
 
 STEPS = 10  # over which the fall of the misfit is looked at
 FLAT = 1e-4  # fall per step, relative: below it more steps are not worth their time
-LEAST_DECREASE = 2.2e-9  # of the loss at the start, in a step that is worth another one
 
 
 class Interrupted(Exception):
@@ -150,8 +149,7 @@ def minimised(search: Search, iterations: int, log: Log) -> Found:
         first = evaluated(search.variables.coefficients(search.variables.zeros())[0])
         if not search.scaled and 2 * (first.fit**2 + first.zones) > first.loss:
             search = search.preconditioned(best.coefficients, log)
-        enough = LEAST_DECREASE * min(1.0, first.loss)  # scipy compares with 1
-        method = Adam(options.step) if options.method == "adam" else LBFGS(options.memory, enough)
+        method = Adam(options.step) if options.method == "adam" else LBFGS(options.memory)
         steps = method.run(by_weights, search.variables.zeros(), iterations, after_step)
     except KeyboardInterrupt:
         raise Interrupted(log.state(best.sags)) from None

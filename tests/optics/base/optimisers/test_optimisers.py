@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import optics
 
@@ -83,6 +84,45 @@ def test_a_minimum_is_found_and_a_flat_function_ends(method):
     assert np.abs(bowl(found.coefficients)[1]).max() < 1e-3
     flat = optics.minimise(lambda x: (1.0, 0 * x), START, method)
     assert flat.evaluations <= 2
+
+
+@pytest.mark.parametrize("memory", [1, 5, 40])
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e4])
+def test_steps_of_lbfgs_are_those_of_scipy(memory, factor):
+    """On a bowl, where both line searches take the same lengths."""
+    stiffness, start = np.geomspace(1, 300, 30), np.linspace(-1, 2, 30)
+
+    def evaluated(by):
+        values = []
+
+        def function(x):
+            gradient = factor * stiffness * x
+            values.append(gradient @ x / 2)
+            return values[-1], gradient
+
+        by(function)
+        return np.array(values) / values[0]
+
+    ours = evaluated(lambda f: optics.LBFGS(memory, 0.0).run(f, start, 25, lambda _: None))
+    options = {"maxiter": 25, "maxcor": memory, "gtol": 0.0, "ftol": 0.0}
+    theirs = evaluated(lambda f: minimize(f, start, jac=True, method="L-BFGS-B", options=options))
+    np.testing.assert_allclose(ours[:15], theirs[:15], rtol=1e-6)
+    assert ours[-1] < (0.02 if memory == 1 else 1e-4)
+
+
+@pytest.mark.parametrize(("allowed", "least"), [(100, 1e-3), (18, 0.2)])
+def test_lbfgs_ends_where_no_step_lowers_a_kinked_function(allowed, least):
+    """After 18 steps with 123 evaluations; 18 steps may have 46 of them, and what the last search takes."""
+    slopes, values = np.array([1.0, 3.0, 7.0]), []
+
+    def kinked(x):
+        values.append(float(slopes @ np.abs(x)))
+        return values[-1], slopes * np.sign(x)
+
+    start = np.array([1.0, -2.0, 0.3])
+    assert optics.LBFGS(least_decrease=0.0).run(kinked, start, allowed, lambda _: None) < allowed
+    assert len(values) <= 2 * allowed + 10 + 20
+    assert min(values) < least * values[0]
 
 
 def test_no_gradient_moves_nothing():

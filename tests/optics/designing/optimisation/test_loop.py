@@ -157,8 +157,8 @@ def test_progress_hears_of_every_stage_and_evaluation_and_checkpoints_of_every_l
     assert [state.stage for state in either.checkpoints] == list(range(1, len(either.plan) + 1))
 
 
-def test_evaluations_stay_within_what_scipy_was_told(either):
-    """L-BFGS-B stops after 2 n + 10 evaluations at the latest; it finishes the line search it is in (at most
+def test_evaluations_stay_within_what_was_promised(either):
+    """L-BFGS stops after 2 n + 10 evaluations at the latest; it finishes the line search it is in (at most
     20)."""
     for level in range(3):
         assert len(rows_of(either.state.history, level)) <= 2 * 6 + 10 + 20
