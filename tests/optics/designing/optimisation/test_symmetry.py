@@ -135,6 +135,14 @@ def test_axes_of_a_target(shape, kind):
     assert found == tuple(axis for axis, name in enumerate("xy") if name in kind)
 
 
+@pytest.mark.parametrize("pixel", [(0, 0), (70, 11), (149, 3), (150, 200), (299, 12)])
+@pytest.mark.parametrize("flipped", [False, True])
+def test_one_pixel_anywhere_breaks_the_symmetry(pixel, flipped):
+    target = image(300, 201, "xy")
+    target[pixel] += 1e-9
+    assert mirror_axes(target.T if flipped else target, Profile()) == ()
+
+
 @pytest.mark.parametrize("kind", ["", "x", "y", "xy"])
 def test_a_source_without_symmetry_takes_the_targets(kind):
     found = mirror_axes(image(8, 8, "xy"), Profile("image", light=image(6, 5, kind)))
