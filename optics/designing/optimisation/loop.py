@@ -22,7 +22,6 @@ from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.first_state import (
     first_state,
-    fitted,
     sound_with,
     transport_start,
     with_sags,
@@ -272,12 +271,13 @@ class _Run:
         """
         indicators = Indicators(shaped, self.engine, task.target, self.guide)
         marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
-        sags = tuple(sag.refine(cells) for sag, cells in zip(state.sags, marked))
-        following = replace(state, stage=state.stage + 1, sags=sags)
-        further = self.plan[following.stage :]
+        *others, (last, cells) = zip(state.sags, marked)
+        sags, fit = [sag.refine(own) for sag, own in others], None
+        further = self.plan[state.stage + 1 :]
         if self.guide and further and further[0].level > task.stage.level:
-            return fitted(following, self.guide)
-        return following, None
+            fit = self.guide.fit(last.space.refine(cells))
+        sags.append(fit.sag if fit else last.refine(cells))
+        return replace(state, stage=state.stage + 1, sags=tuple(sags)), fit
 
 
 def nearest_shapes(
