@@ -122,8 +122,6 @@ class HierarchicalMesh(Value):
             another length, cells too short for float64.
         """
         marked = checked_cells(self._rows_of_mask(cells))
-        if not marked:
-            return self
         domains = self._domains.refine(marked)
         if admissible is not None:
             domains = self._domains.refine(closure(self._domains, marked, admissible))

@@ -160,8 +160,6 @@ class THBSurface(AnySurface):
         return self.bernstein(), self.space.boxes.reshape(-1, 2, 2).transpose(0, 2, 1)
 
     def _over(self, finer: THBSpace) -> THBSurface:
-        if finer is self.space:
-            return self
         return THBSurface(finer, self.space.prolongation(finer) @ self.coefficients)
 
 

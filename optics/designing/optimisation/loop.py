@@ -267,17 +267,19 @@ class _Run:
     ) -> tuple[State, TransportFit | None]:
         """Return the state of the next stage, with the marked cells refined, and the fit of a new level.
 
+        Where none is marked a sag stays the same object, with what is known of its mesh.
+
         shaped, lens : that the stage ended with.
         """
         indicators = Indicators(shaped, self.engine, task.target, self.guide)
         marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
+        fit, further = None, self.plan[state.stage + 1 :]
         *others, (last, cells) = zip(state.sags, marked)
-        sags, fit = [sag.refine(own) for sag, own in others], None
-        further = self.plan[state.stage + 1 :]
         if self.guide and further and further[0].level > task.stage.level:
             fit = self.guide.fit(last.space.refine(cells))
-        sags.append(fit.sag if fit else last.refine(cells))
-        return replace(state, stage=state.stage + 1, sags=tuple(sags)), fit
+            last, cells = fit.sag, {}
+        sags = tuple(sag.refine(own) if own else sag for sag, own in (*others, (last, cells)))
+        return replace(state, stage=state.stage + 1, sags=sags), fit
 
 
 def nearest_shapes(

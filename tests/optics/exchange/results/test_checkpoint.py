@@ -1,5 +1,6 @@
 """Checkpoints: every bit comes back, and only to the problem that they belong to."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -107,6 +108,16 @@ def test_the_place_of_the_sources_picture_may_change_between_runs(path, problem_
 def test_a_checkpoint_with_too_few_or_too_many_sags_is_refused(path, problem_file, changes, sags):
     problem = stored(path, problem_file, changes, state=some_state(sags=sags))
     with pytest.raises(UserError, match="cannot resume"):
+        read_checkpoint(path, OpticalSystem(problem))
+
+
+@pytest.mark.parametrize("coefficients", ["AAAA", "####", "", "\u00e9", 3, [1.0], None], ids=repr)
+def test_coefficients_that_are_no_bytes_of_numbers_are_damage(path, problem_file, coefficients):
+    problem = stored(path, problem_file)
+    data = json.loads(path.read_text())
+    data["sags"][0]["coefficients"] = coefficients
+    path.write_text(json.dumps(data))
+    with pytest.raises(UserError, match="cannot resume: .* is damaged"):
         read_checkpoint(path, OpticalSystem(problem))
 
 
