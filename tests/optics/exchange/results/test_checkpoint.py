@@ -117,7 +117,7 @@ def test_coefficients_that_are_no_bytes_of_numbers_are_damage(path, problem_file
     data = json.loads(path.read_text())
     data["sags"][0]["coefficients"] = coefficients
     path.write_text(json.dumps(data))
-    with pytest.raises(UserError, match="cannot resume: .* is damaged"):
+    with pytest.raises(UserError, match=r"cannot resume: .* is damaged"):
         read_checkpoint(path, OpticalSystem(problem))
 
 
