@@ -21,6 +21,7 @@ from optics.base.runtime.backend import Backend, DrArray
 
 DIGITS = 62  # of the largest sum, binary; an integer has 63
 TURN = 2.0**64  # integers that differ by it are the same
+FEW = 0.25
 LEAST_EXPONENT = -1000  # of a quantum, so that its inverse is a number
 
 
@@ -42,12 +43,20 @@ class OrderFreeSums:
             self._dr.opaque(self._types.Float64, number) for number in (1 / self.quantum, self.quantum)
         )
 
-    def add(self, summands: Sequence[DrArray], packet: DrArray, active: DrArray | bool = True) -> None:
-        """Add one, two or four numbers to as many sums that lie side by side, in a packet by its number."""
+    def add(
+        self, summands: Sequence[DrArray], packet: DrArray, active: DrArray | bool = True, once: bool = False
+    ) -> None:
+        """Add one, two or four numbers to as many sums that lie side by side, in a packet by its number.
+
+        once : few are added to a packet, and every number at once.  Where there are fewer than FEW for a sum,
+            threads add to the sums themselves, not to own copies of them, which would be filled and added up.
+        """
         dr, types = self._dr, self._types
         whole = [self._whole(types.Float64(x)) for x in summands]
         kind = {1: types.Int64, 2: types.Array2i64, 4: types.Array4i64}[len(whole)]
-        dr.scatter_reduce(dr.ReduceOp.Add, self.whole, kind(*whole), packet, active)
+        few = once and dr.width(packet) < FEW * dr.width(self.whole)
+        mode = dr.ReduceMode.Direct if few else dr.ReduceMode.Auto
+        dr.scatter_reduce(dr.ReduceOp.Add, self.whole, kind(*whole), packet, active, mode)
 
     def _whole(self, summand: DrArray) -> DrArray:
         """Return how many quanta a number is, modulo 2^64."""

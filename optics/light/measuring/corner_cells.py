@@ -30,7 +30,7 @@ class CornerCells(CutCells):
     def add(self, pixels: OrderFreeSums) -> None:
         """Add the light of the triangles that do not lie in one pixel."""
         parts = [[side.density * j0 for j0, _, _ in self._pieces(side)] for side in self._sides]
-        pixels.add([sum(row) for row in zip(*parts)], self._pixels[0])
+        pixels.add([sum(row) for row in zip(*parts)], self._pixels[0], once=True)
 
     def swept(self, da: DrArray, db: DrArray, passing: DrArray) -> DrArray:
         """Return what the image changes where corners move by (da, db) and more of their flux arrives."""
