@@ -18,6 +18,7 @@ from optics.base.runtime import UserError
 from thbcad.checks import Floats
 
 DECREASE, CURVATURE = 1e-3, 0.9  # of the Wolfe conditions
+GROWTH, GROWN = 4.0, 10  # of a step that is too short, and how often at most
 MOST = 2, 10  # evaluations for each step that is allowed, and besides; the last search is brought to its end
 ROUNDING = float(np.finfo(float).eps)
 
@@ -126,6 +127,9 @@ class _Pairs:
 class _Line:
     """A search along a direction for a length where the Wolfe conditions hold.
 
+    It begins with 1, or GROWTH times that, and so on, where the value still falls steeply there: scipy's
+    search would double it.
+
     lower : it found a lower value: there, else the lowest that was seen.  step, value, gradient : there.
     seen : value and gradient by length.
     """
@@ -135,29 +139,38 @@ class _Line:
     ) -> None:
         self._function, self._x, self._direction = function, x, direction
         self.seen: dict[float, tuple[float, Floats]] = {}
-        self.lower, slope = False, float(gradient @ direction)
+        self.lower, slope, first = False, float(gradient @ direction), 1.0
         if not slope < 0:
             return
+        for _ in range(GROWN):
+            low = self._value(first) <= value + DECREASE * first * slope
+            if not (low and self._slope(first) < CURVATURE * slope):
+                break
+            first *= GROWTH
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The line search algorithm")  # did not converge
-            length = line_search(
-                lambda a: self._at(a)[0],
-                lambda a: np.array([self._at(a)[1] @ direction]),
+            share = line_search(
+                lambda a: self._value(float(a[0])),
+                lambda a: np.array([self._slope(float(a[0]))]),
                 np.zeros(1),
-                np.ones(1),
+                np.array([first]),
                 np.array([slope]),
                 value,
                 c1=DECREASE,
                 c2=CURVATURE,
             )[0]
-        if length is None:
-            length = min(self.seen, key=lambda a: self.seen[a][0])
-        self.step, (self.value, self.gradient) = length * direction, self.seen[length]
+        length = min(self.seen, key=self._value) if share is None else share * first
+        self.step, (self.value, self.gradient) = length * direction, self._at(length)
         self.lower = self.value < value
 
-    def _at(self, length: Floats) -> tuple[float, Floats]:
+    def _value(self, length: float) -> float:
+        return self._at(length)[0]
+
+    def _slope(self, length: float) -> float:
+        return float(self._at(length)[1] @ self._direction)
+
+    def _at(self, length: float) -> tuple[float, Floats]:
         """Return value and gradient, which are known together."""
-        a = float(length[0])
-        if a not in self.seen:
-            self.seen[a] = self._function(self._x + a * self._direction)
-        return self.seen[a]
+        if length not in self.seen:
+            self.seen[length] = self._function(self._x + length * self._direction)
+        return self.seen[length]
