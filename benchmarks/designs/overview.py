@@ -48,7 +48,7 @@ THESIS = {
     "dof": "thesis 11955",
 }
 CELLS = 768
-STEP, SHORT = 2e-7, 2e-8  # mm, of the differences; of cells, whose second derivative jumps at pixels' edges
+STEP, SHORT = 2e-7, 1e-8  # mm, of the differences; of cells, whose second derivative jumps at pixels' edges
 
 
 def rows() -> list[Row]:

@@ -1,7 +1,7 @@
 """Quasi-Newton steps of limited memory, L-BFGS, along which scipy's line search goes.
 
 Beside evaluations a step of 250 000 variables takes 7 ms.  Scipy's L-BFGS-B, which is made for bounds, takes
-32: a fifth of a step of a design.
+32: a sixth of a step of a design.
 """
 
 from __future__ import annotations
