@@ -1,4 +1,4 @@
-"""Quasi-Newton steps of limited memory, L-BFGS, along which scipy's line search goes.
+"""Quasi-Newton steps of limited memory: L-BFGS.
 
 Beside evaluations a step of 250 000 variables takes 7 ms.  Scipy's L-BFGS-B, which is made for bounds, takes
 32: a sixth of a step of a design.
@@ -6,31 +6,32 @@ Beside evaluations a step of 250 000 variables takes 7 ms.  Scipy's L-BFGS-B, wh
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import line_search
 
-from optics.base.optimisers.iterations import Callback, Function
+from optics.base.optimisers.iterations import Callback, Function, require_fraction
 from optics.base.runtime import UserError
 from thbcad.checks import Floats
 
 DECREASE, CURVATURE = 1e-3, 0.9  # of the Wolfe conditions
-GROWTH, GROWN = 4.0, 10  # of a step that is too short, and how often at most
-MOST = 2, 10  # evaluations for each step that is allowed, and besides; the last search is brought to its end
-ROUNDING = float(np.finfo(float).eps)
+TRIES = 20  # evaluations of a line search, at most
+GROWTH, SHORTEST, LONGEST = 4.0, 0.01, 0.9  # of a length that is too short, and of one between two others
+MOST = 2, 10  # evaluations for each step that is allowed, and besides; a search is brought to its end
+ROUNDING, TINY = np.finfo(float).eps, np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class LBFGS:
     """x <- x - a H g, where H is built from the last steps and changes of the gradient.
 
-    The first step is one of length 1.  It ends where no step lowers the value.
+    The first step that is tried has the length 1.  It ends where no step lowers the value, where one lowers
+    it too little, or after many evaluations.
 
     memory : pairs that are kept.
-    least_decrease : of the value in a step that is worth another one, relative to the value at the start.
+    least_decrease : of the value in a step that is worth another one, relative to the value, or to the lesser
+        of 1 and the value at the start where that is more.
 
     Source: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed. (2006), 7.2.
 
@@ -45,33 +46,46 @@ class LBFGS:
     def __post_init__(self) -> None:
         if not isinstance(self.memory, int) or isinstance(self.memory, bool) or self.memory < 1:
             raise UserError(f"memory must be a whole number from 1 on, got {self.memory!r}")
+        require_fraction("least_decrease", self.least_decrease)
 
     def run(self, function: Function, start: Floats, iterations: int, callback: Callback) -> int:
         """Return the number of steps, see `Optimiser`."""
-        x, pairs = start.copy(), _Pairs(self.memory, start.size)
-        value, gradient = function(x)
-        enough, evaluations = self.least_decrease * abs(value), 1
+        here, pairs = _Point.of(function, start.copy()), _Pairs(self.memory, start.size)
+        least, evaluations, most = min(1.0, abs(here.value)), 1, MOST[0] * iterations + MOST[1]
         for k in range(iterations):
-            if evaluations > MOST[0] * iterations + MOST[1]:
+            if evaluations > most:
                 return k
-            line = _Line(function, x, value, gradient, pairs.direction(gradient))
-            if not line.lower and len(pairs):  # pairs of what has changed since
-                evaluations += len(line.seen)
+            found, tried = _searched(function, here, pairs.direction(here.gradient))
+            evaluations += tried
+            if found is None and len(pairs) and evaluations <= most:  # old pairs may mislead
                 pairs.clear()
-                line = _Line(function, x, value, gradient, pairs.direction(gradient))
-            if not line.lower:
+                found, tried = _searched(function, here, pairs.direction(here.gradient))
+                evaluations += tried
+            if found is None:
                 return k
-            evaluations += len(line.seen)
-            pairs.add(line.step, line.gradient - gradient)
-            x, decrease = x + line.step, value - line.value
-            value, gradient = line.value, line.gradient
+            pairs.add(found.x - here.x, found.gradient - here.gradient)
+            decrease, here = here.value - found.value, found
             try:
-                callback(x)
+                callback(here.x)
             except StopIteration:
                 return k + 1
-            if decrease <= enough:
+            if decrease <= self.least_decrease * max(least, abs(here.value)):
                 return k + 1
         return iterations
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where a function was evaluated."""
+
+    x: Floats
+    value: float
+    gradient: Floats
+
+    @classmethod
+    def of(cls, function: Function, x: Floats) -> _Point:
+        value, gradient = function(x)
+        return cls(x, float(value), np.array(gradient))  # which the function may use again
 
 
 class _Pairs:
@@ -99,7 +113,8 @@ class _Pairs:
 
     def add(self, step: Floats, change: Floats) -> None:
         """Add a pair; one along which the gradient does not grow tells nothing."""
-        if not step @ change > ROUNDING * float(np.linalg.norm(step) * np.linalg.norm(change)):
+        size = float(np.linalg.norm(step) * np.linalg.norm(change))
+        if not (step @ change > ROUNDING * size and change @ change > TINY):
             return
         count = len(self._rows)
         row = self._rows.pop(0) if count == len(self._steps) else count
@@ -117,60 +132,47 @@ class _Pairs:
         upper, among = np.triu(self._steps_changes[by_age]), self._changes_changes[by_age]
         c = upper[-1, -1] / among[-1, -1]
         s, y = ((rows[used] @ gradient)[self._rows] for rows in (self._steps, self._changes))
-        inner = solve_triangular(upper, s)
-        outer = solve_triangular(upper, upper.diagonal() * inner + c * (among @ inner - y), trans="T")
+        inner = solve_triangular(upper, s, check_finite=False)
+        known = upper.diagonal() * inner + c * (among @ inner - y)
+        outer = solve_triangular(upper, known, trans="T", check_finite=False)
         weights = np.empty((2, len(self._rows)))
         weights[:, self._rows] = outer, -c * inner
         return -c * gradient - weights[0] @ self._steps[used] - weights[1] @ self._changes[used]
 
 
-class _Line:
-    """A search along a direction for a length where the Wolfe conditions hold.
+def _searched(function: Function, here: _Point, direction: Floats) -> tuple[_Point | None, int]:
+    """Return a point along a direction where the weak Wolfe conditions hold, else the lowest that was seen,
+    None where none is lower than here; and how many were evaluated.
 
-    It begins with 1, or GROWTH times that, and so on, where the value still falls steeply there: scipy's
-    search would double it.
+    Lengths that are too short and too long enclose it.
 
-    lower : it found a lower value: there, else the lowest that was seen.  step, value, gradient : there.
-    seen : value and gradient by length.
+    Source: A. S. Lewis, M. L. Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141
+    (2013), 3.
     """
+    slope = float(here.gradient @ direction)
+    if not slope < 0:
+        return None, 0
+    lowest, length, short, long = here, 1.0, (0.0, here.value, slope), (np.inf, np.inf)
+    for tried in range(1, TRIES + 1):
+        point = _Point.of(function, here.x + length * direction)
+        lowest = point if point.value < lowest.value else lowest
+        falls = float(point.gradient @ direction)
+        if not point.value <= here.value + DECREASE * length * slope:
+            long = length, point.value
+        elif falls < CURVATURE * slope:
+            short = length, point.value, falls
+        else:
+            return point, tried
+        length = _between(*short, *long)
+    return (None if lowest is here else lowest), TRIES
 
-    def __init__(
-        self, function: Function, x: Floats, value: float, gradient: Floats, direction: Floats
-    ) -> None:
-        self._function, self._x, self._direction = function, x, direction
-        self.seen: dict[float, tuple[float, Floats]] = {}
-        self.lower, slope, first = False, float(gradient @ direction), 1.0
-        if not slope < 0:
-            return
-        for _ in range(GROWN):
-            low = self._value(first) <= value + DECREASE * first * slope
-            if not (low and self._slope(first) < CURVATURE * slope):
-                break
-            first *= GROWTH
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The line search algorithm")  # did not converge
-            share = line_search(
-                lambda a: self._value(float(a[0])),
-                lambda a: np.array([self._slope(float(a[0]))]),
-                np.zeros(1),
-                np.array([first]),
-                np.array([slope]),
-                value,
-                c1=DECREASE,
-                c2=CURVATURE,
-            )[0]
-        length = min(self.seen, key=self._value) if share is None else share * first
-        self.step, (self.value, self.gradient) = length * direction, self._at(length)
-        self.lower = self.value < value
 
-    def _value(self, length: float) -> float:
-        return self._at(length)[0]
-
-    def _slope(self, length: float) -> float:
-        return float(self._at(length)[1] @ self._direction)
-
-    def _at(self, length: float) -> tuple[float, Floats]:
-        """Return value and gradient, which are known together."""
-        if length not in self.seen:
-            self.seen[length] = self._function(self._x + length * self._direction)
-        return self.seen[length]
+def _between(short: float, value: float, slope: float, long: float, beyond: float) -> float:
+    """Return the length to try next: the minimum of the parabola with the value and slope where it is too
+    short, and the value where it is too long."""
+    if np.isinf(long):
+        return GROWTH * short
+    reach = long - short
+    excess = beyond - value - slope * reach
+    share = -slope * reach / (2 * excess) if 0 < excess < np.inf else SHORTEST
+    return short + reach * min(max(share, SHORTEST), LONGEST)

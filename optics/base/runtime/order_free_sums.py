@@ -21,7 +21,7 @@ from optics.base.runtime.backend import Backend, DrArray
 
 DIGITS = 62  # of the largest sum, binary; an integer has 63
 TURN = 2.0**64  # integers that differ by it are the same
-FEW = 0.25
+FEW = 0.25  # packets for a sum: with fewer, copies of the sums take longer to fill and to add up
 LEAST_EXPONENT = -1000  # of a quantum, so that its inverse is a number
 
 
@@ -48,8 +48,8 @@ class OrderFreeSums:
     ) -> None:
         """Add one, two or four numbers to as many sums that lie side by side, in a packet by its number.
 
-        once : few are added to a packet, and every number at once.  Where there are fewer than FEW for a sum,
-            threads add to the sums themselves, not to own copies of them, which would be filled and added up.
+        once : this is not in a recorded loop, and few packets fall on one place.  Where there are fewer than
+            FEW times the sums, threads add to the sums themselves, not to copies of their own.
         """
         dr, types = self._dr, self._types
         whole = [self._whole(types.Float64(x)) for x in summands]

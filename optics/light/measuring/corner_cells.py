@@ -42,7 +42,7 @@ class CornerCells(CutCells):
         lights = [sum(row) for row in zip(*parts)]
         every = self._dr.sum(sum(self._dr.abs(light) for light in lights))
         pixels = self._lines.pixels(float(every.numpy()[0]))
-        pixels.add(lights, self._pixels[0])
+        pixels.add(lights, self._pixels[0], once=True)
         return self._lines.light(pixels)
 
     def _pieces(self, side: Side) -> list[Numbers]:

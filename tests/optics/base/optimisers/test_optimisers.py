@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import minimize, rosen, rosen_der
 
 import optics
 
@@ -86,56 +86,91 @@ def test_a_minimum_is_found_and_a_flat_function_ends(method):
     assert flat.evaluations <= 2
 
 
+def evaluated(by, function):
+    """The values of a function that an optimiser asks for, relative to the first."""
+    values = []
+
+    def heard(x):
+        value, gradient = function(x)
+        values.append(value)
+        return value, gradient
+
+    by(heard)
+    return np.array(values) / abs(values[0])
+
+
+def scipys(start, steps, memory=10):
+    options = {"maxiter": steps, "maxcor": memory, "gtol": 0.0, "ftol": 0.0}
+    return lambda f: minimize(f, start, jac=True, method="L-BFGS-B", options=options)
+
+
+def ours(start, steps, **options):
+    return lambda f: optics.LBFGS(**options).run(f, start, steps, lambda _: None)
+
+
+def long_bowl(x, size=1.0):
+    stiffness = np.geomspace(1, 300, 30)
+    return float(stiffness @ (x / size) ** 2 / 2), stiffness * x / size**2
+
+
 @pytest.mark.parametrize("memory", [1, 5, 40])
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e4])
 def test_steps_of_lbfgs_are_those_of_scipy(memory, factor):
-    """On a bowl, where both line searches take the same lengths."""
-    stiffness, start = np.geomspace(1, 300, 30), np.linspace(-1, 2, 30)
+    """On a bowl, where the first lengths of both line searches will do."""
 
-    def evaluated(by):
-        values = []
+    def function(x):
+        value, gradient = long_bowl(x)
+        return factor * value, factor * gradient
 
-        def function(x):
-            gradient = factor * stiffness * x
-            values.append(gradient @ x / 2)
-            return values[-1], gradient
-
-        by(function)
-        return np.array(values) / values[0]
-
-    ours = evaluated(lambda f: optics.LBFGS(memory, 0.0).run(f, start, 25, lambda _: None))
-    options = {"maxiter": 25, "maxcor": memory, "gtol": 0.0, "ftol": 0.0}
-    theirs = evaluated(lambda f: minimize(f, start, jac=True, method="L-BFGS-B", options=options))
-    np.testing.assert_allclose(ours[:15], theirs[:15], rtol=1e-6)
-    assert ours[-1] < (0.02 if memory == 1 else 1e-4)
+    start = np.linspace(-1, 2, 30)
+    found = evaluated(ours(start, 25, memory=memory, least_decrease=0.0), function)
+    np.testing.assert_allclose(found[:15], evaluated(scipys(start, 25, memory), function)[:15], rtol=1e-6)
+    assert found[-1] < (0.02 if memory == 1 else 1e-4)
 
 
-def test_lbfgs_grows_a_step_that_is_too_short():
-    """The first has the length 1, and scipy's search would give up at 1024."""
-    values = []
-
-    def far(x):
-        values.append(float(np.sqrt(1 + (x[0] - 16000) ** 2)))
-        return values[-1], (x - 16000) / values[-1]
-
-    optics.LBFGS().run(far, np.zeros(1), 1, lambda _: None)
-    assert len(values) <= 20
-    assert min(values) < 400
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1.0, 1e4])
+def test_a_first_step_of_any_length_becomes_one_that_lbfgs_can_take(size):
+    start = size * np.linspace(-1, 2, 30)
+    found, wanted = (evaluated(by(start, 9), lambda x: long_bowl(x, size)) for by in (ours, scipys))
+    assert found.min() < 1.1 * wanted.min()
+    assert len(found) <= len(wanted) + 5
 
 
-@pytest.mark.parametrize("allowed", [100, 18])
-def test_lbfgs_ends_where_no_step_lowers_a_kinked_function(allowed):
-    """After 12 steps with 109 evaluations; 18 steps may have 46 of them, and what the last search takes."""
-    slopes, values = np.array([1.0, 3.0, 7.0]), []
+@pytest.mark.parametrize("start", [(-100.0, 100.0), (-10.0, 10.0, 5.0, -3.0, 2.0)])
+def test_lbfgs_goes_on_from_a_far_start(start):
+    found = optics.minimise(lambda x: (rosen(x), rosen_der(x)), np.array(start), iterations=300)
+    assert found.loss < 1e-9
 
-    def kinked(x):
-        values.append(float(slopes @ np.abs(x)))
-        return values[-1], slopes * np.sign(x)
 
-    start = np.array([1.0, -2.0, 0.3])
-    assert optics.LBFGS(least_decrease=0.0).run(kinked, start, allowed, lambda _: None) < allowed
+@pytest.mark.parametrize("allowed", [18, 60])
+def test_lbfgs_lowers_a_kinked_function(allowed):
+    """It has 2 n + 10 evaluations, and 20 of the search that it is in."""
+    slopes = np.array([1.0, 3.0, 7.0])
+    start = ours(np.array([1.0, -2.0, 0.3]), allowed, least_decrease=0.0)
+    values = evaluated(start, lambda x: (float(slopes @ np.abs(x)), slopes * np.sign(x)))
     assert len(values) <= 2 * allowed + 10 + 20
-    assert min(values) < 0.02 * values[0]
+    assert values.min() < 2e-3
+
+
+def test_lbfgs_ends_where_no_step_lowers_the_value():
+    values = evaluated(ours(np.zeros(2), 50), lambda x: (1 + float(np.abs(x).sum()), np.ones(2)))
+    assert len(values) <= 1 + 20
+
+
+def test_lbfgs_goes_on_where_its_pairs_are_too_small_for_numbers():
+    values = evaluated(ours(np.ones(3), 3000, least_decrease=0.0), lambda x: (float((x**4).sum()), 4 * x**3))
+    assert values.min() < 1e-150
+
+
+def test_a_function_may_use_its_gradient_again():
+    gradient, start = np.zeros(30), np.linspace(-1, 2, 30)
+
+    def reused(x):
+        value, gradient[:] = long_bowl(x)
+        return value, gradient
+
+    own = evaluated(ours(start, 20), reused)
+    np.testing.assert_array_equal(own, evaluated(ours(start, 20), long_bowl))
 
 
 def test_no_gradient_moves_nothing():
@@ -169,6 +204,11 @@ def test_a_callback_ends_the_work(method):
         (lambda: optics.Momentum(1, mean=-1), "mean must be a number from 0 to 1, got -1"),
         (lambda: optics.Adam(square=True), "square must be a number from 0 to 1, got True"),
         (lambda: optics.LBFGS(0), "memory must be a whole number from 1 on, got 0"),
+        (lambda: optics.LBFGS(least_decrease=None), "least_decrease must be a number from 0 to 1, got None"),
+        (
+            lambda: optics.LBFGS(least_decrease=-1e-9),
+            "least_decrease must be a number from 0 to 1, got -1e-09",
+        ),
     ],
 )
 def test_wrong_numbers_are_one_sentence(made, words):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import OrderFreeSums, load_backend
-from optics.base.runtime.order_free_sums import DIGITS, LEAST_EXPONENT
+from optics.base.runtime.order_free_sums import DIGITS, FEW, LEAST_EXPONENT
 from tests.optics.cases import THREADS, on_threads
 
 LEAST = 2.0 ** (LEAST_EXPONENT + DIGITS)  # smaller sums have the least quantum
@@ -16,11 +16,11 @@ positive = st.floats(1e-9, 1e3).filter(lambda x: frexp(x)[0] < 1 - 2.0**-53)  # 
 numbers = st.floats(-1e3, 1e3).filter(lambda x: not 0 < abs(x) < LEAST)
 
 
-def summed(backend, values, places, size, most):
+def summed(backend, values, places, size, most, once=False):
     """Return OrderFreeSums of values, (n, k), added to the packets of k sums at places, (n,)."""
     sums = OrderFreeSums(backend, size, most)
     columns = [backend.array(column) for column in np.transpose(values)]
-    sums.add(columns, backend.Index(np.asarray(places, dtype=np.uint32)))
+    sums.add(columns, backend.Index(np.asarray(places, dtype=np.uint32)), once=once)
     return sums
 
 
@@ -42,22 +42,27 @@ def test_no_order_changes_a_bit_and_the_error_is_half_a_quantum_a_summand(given_
         assert error <= len(summands) * Fraction(one.quantum) / 2
 
 
+@pytest.mark.parametrize("once", [False, True])
 @pytest.mark.parametrize("width", [1, 2, 4])
-def test_no_number_of_threads_changes_a_bit(backend, width):
-    """2^17 summands are shared by several threads."""
+def test_no_number_of_threads_changes_a_bit(backend, width, once):
+    """2^17 summands are shared by several threads, which add to the sums themselves where they are few."""
+    size = 1 << 20 if once else 50
+    assert once == (1 << 17 < FEW * size * width)
     rng = np.random.default_rng(width)
     values = rng.normal(size=(1 << 17, width)) * 10.0 ** rng.uniform(-9, 0, (1 << 17, 1))
     places = rng.integers(0, 50, len(values))
     most = float(np.abs(values).sum())
     found = [
-        on_threads(threads, lambda: summed(backend, values, places, 50 * width, most).values().numpy())
+        on_threads(
+            threads, lambda: summed(backend, values, places, size * width, most, once).values().numpy()
+        )
         for threads in THREADS
     ]
     assert len({f.tobytes() for f in found}) == 1
-    expected = np.zeros((50, width))
+    expected = np.zeros((size, width))
     np.add.at(expected, places, values)
     # half a quantum, at most 2^-61 of the sum of moduli, for each of 2^17 summands; numpy rounds 2^-53 of it
-    np.testing.assert_allclose(found[0].reshape(50, width), expected, rtol=0, atol=2**17 * 2**-53 * most)
+    np.testing.assert_allclose(found[0].reshape(size, width), expected, rtol=0, atol=2**17 * 2**-53 * most)
 
 
 @pytest.mark.parametrize("scale", [1e-290, 1e-30, 1.0, 1e30, 1e290])
