@@ -141,13 +141,12 @@ class _Pairs:
 
 
 def _searched(function: Function, here: _Point, direction: Floats) -> tuple[_Point | None, int]:
-    """Return a point along a direction where the weak Wolfe conditions hold, else the lowest that was seen,
+    """Return a point along a direction where the strong Wolfe conditions hold, else the lowest that was seen,
     None where none is lower than here; and how many were evaluated.
 
     Lengths that are too short and too long enclose it.
 
-    Source: A. S. Lewis, M. L. Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141
-    (2013), 3.
+    Source: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed. (2006), 3.5, for the conditions.
     """
     slope = float(here.gradient @ direction)
     if not slope < 0:
@@ -157,7 +156,8 @@ def _searched(function: Function, here: _Point, direction: Floats) -> tuple[_Poi
         point = _Point.of(function, here.x + length * direction)
         lowest = point if point.value < lowest.value else lowest
         falls = float(point.gradient @ direction)
-        if not point.value <= here.value + DECREASE * length * slope:
+        low = point.value <= here.value + DECREASE * length * slope
+        if not low or falls > -CURVATURE * slope:
             long = length, point.value
         elif falls < CURVATURE * slope:
             short = length, point.value, falls
