@@ -95,3 +95,4 @@ def test_differences_find_a_true_gradient_and_a_false_one():
 
     assert worst_difference(loss, at, 4 * at**3, 1e-4) < 1e-11
     assert worst_difference(loss, at, 4 * at**3 * (1 + 1e-6), 1e-4) > 1e-7
+    assert 1e-9 < worst_difference(loss, at, 4 * at**3, 1e-4, smooth=False) < 1e-6
