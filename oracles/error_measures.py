@@ -72,8 +72,8 @@ def worst_difference(
     """Return the greatest |slope - g . d| / |g| over random directions d of unit root mean square g . d /
     |g|.
 
-    slope : the fourth-order central difference (8 (L(h) - L(-h)) - (L(2 h) - L(-2 h))) / (12 h), h in mm; where
-        the second derivative jumps (smooth = False) the nearer one alone, (L(h) - L(-h)) / (2 h).
+    slope : the fourth-order central difference (8 (L(h) - L(-h)) - (L(2 h) - L(-2 h))) / (12 h), h in mm.
+    smooth : False where the second derivative jumps: slope is then the nearer one, (L(h) - L(-h)) / (2 h).
     """
     rng, errors = np.random.default_rng(1), []
     for _ in range(DIRECTIONS):
