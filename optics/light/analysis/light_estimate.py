@@ -17,6 +17,8 @@ class LightEstimate:
     """Light in the target plane.
 
     irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
+    drift : of that error, what is no noise but has a known sign, (rows, columns): all of it where finer cells
+        tell what coarser ones miss; squares of noise and of drift add up to those of the error.
     on_target, off_target : W in the target plane, on the screen and beside it.
     off_error : of the latter, as a standard deviation.
     axes : 0 for x and 1 for y, of directions in which its error is its own mirror image.
@@ -28,6 +30,7 @@ class LightEstimate:
     off_target: float
     off_error: float = 0.0
     axes: tuple[int, ...] = ()
+    drift: Floats | float = 0.0
 
     @classmethod
     def of_replicates(
@@ -57,6 +60,7 @@ class LightEstimate:
             self.off_target + other.off_target,
             float(np.hypot(self.off_error, other.off_error)),
             tuple(sorted({*self.axes, *other.axes})),
+            self.drift + other.drift,
         )
 
     def finer(self, screen: Screen) -> LightEstimate:
@@ -66,12 +70,15 @@ class LightEstimate:
         """
         times = screen.shape[0] // self.irradiance.shape[0]
         whole = np.ones((times, times))
-        image, error = (np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error))
-        return replace(self, irradiance=image, error=times * error)
+        image, error, drift = (
+            np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error, self.drift)
+        )
+        return replace(self, irradiance=image, error=times * error, drift=times * drift)
 
     def over(self, projection: Floats) -> LightEstimate:
         """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
-        return replace(self, irradiance=self.irradiance / projection, error=self.error / projection)
+        over = {name: getattr(self, name) / projection for name in ("irradiance", "error", "drift")}
+        return replace(self, **over)
 
     def error_of_sum(self, weights: Floats | Bools) -> float:
         """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns).
@@ -85,22 +92,25 @@ class LightEstimate:
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
 
-        rel_l2_floor : f, the L2 norm of E's error, relative to T.  Noise adds f^2 to rel_l2^2 on average.
-        rel_l2_debiased : sqrt(rel_l2^2 - f^2), or 0.
+        rel_l2_floor : f, the L2 norm of E's error, relative to T.
+        rel_l2_debiased : sqrt(rel_l2^2 - g^2), or 0, with the norm g of the noise alone, which adds g^2 to
+            rel_l2^2 on average.  A drift adds nothing of the kind: it goes with the residual.
         rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
             errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2;
             where n images share errors, sum_i (4 R_i^2 / n - 2 n s_i^2) s_i^2 with R_i summed over images.
+            A drift d moves ||r||^2 by 2 (r, d) besides, as far as it is known.
         """
         norm = float(np.linalg.norm(target) / target.mean())
         scale = self.irradiance.mean()
         if scale <= 0:
             return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}
         residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
-        floor = float(np.linalg.norm(error)) / norm
-        debiased = sqrt(max(float(np.linalg.norm(residual)) ** 2 / norm**2 - floor**2, 0.0))
+        drift = self.drift / scale * np.ones_like(residual)
+        floor, noise = float(np.linalg.norm(error)) / norm, np.maximum(error**2 - drift**2, 0.0).sum()
+        debiased = sqrt(max(float(np.sum(residual**2) - noise), 0.0)) / norm
         summed, images = with_mirror_images(residual, self.axes), 2 ** len(self.axes)
         variance = float(np.sum((4 * summed**2 / images - 2 * images * error**2) * error**2))
-        spread = sqrt(max(variance, 0.0)) / norm**2 / 2
+        spread = sqrt(max(variance, 0.0) + (2 * float(np.sum(residual * drift))) ** 2) / norm**2 / 2
         return {
             "rel_l2_floor": floor,
             "rel_l2_debiased": debiased,

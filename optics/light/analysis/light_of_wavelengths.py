@@ -53,7 +53,7 @@ def light_of_plate(
     if len(parts) == 1:
         return parts[0]
     numbers = [f.name for f in fields(LightEstimate) if f.name != "axes"]  # a plate is measured whole
-    mean = LightEstimate(*(np.mean([getattr(p.estimate, n) for p in parts], axis=0) for n in numbers))
+    mean = LightEstimate(**{n: np.mean([getattr(p.estimate, n) for p in parts], axis=0) for n in numbers})
     colours = [part.colour for part in parts if part.colour is not None]
     fates = reduce(add, (part.fates for part in parts)) / len(parts)
     return SpectralLight(mean, fates, np.mean(colours, axis=0) if colours else None)
@@ -77,17 +77,19 @@ def spectral_light(
     """
     if not system.spectral:
         return SpectralLight(*estimate(system, path, screen, backend), None)
-    image, error, colour = (np.zeros(shape) for shape in (screen.shape, screen.shape, (3, *screen.shape)))
+    image, error, drift = np.zeros((3, *screen.shape))
+    colour = np.zeros((3, *screen.shape))
     fates, on, off, off_error, axes = [], 0.0, 0.0, 0.0, tuple[int, ...]()
     for wavelength in system.wavelengths:
         light, by_fate = estimate(system, path.in_media(wavelength.media), screen, backend)
         image += wavelength.weight * light.irradiance
         error += wavelength.weight * light.error
+        drift += wavelength.weight * light.drift
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
         on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
         off_error, axes = off_error + wavelength.weight * light.off_error, light.axes
         fates.append(by_fate * wavelength.weight)
-    light = LightEstimate(image, error, on, off, off_error, axes)
+    light = LightEstimate(image, error, on, off, off_error, axes, drift)
     return SpectralLight(light, reduce(add, fates), colour)
 
 

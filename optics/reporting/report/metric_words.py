@@ -15,7 +15,7 @@ FLUXES = ("W", "lm")
 NONE = 1e-9  # of a flux of 1: less is rounding
 # unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
 WORDS = {
-    "rel_l2": (PERCENT, "rel_l2_debiased with the error of the measurement in it"),
+    "rel_l2": (PERCENT, "rel_l2_debiased with the noise of the measurement in it"),
     "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
     "ssim": ("", "structural similarity, 1 for equal pictures"),
     "rel_l2_floor": (PERCENT, "error of the measured irradiance itself, on the scale of rel_l2"),
