@@ -186,6 +186,7 @@ def write_result(
     figures.draw_levels(system, design.levels)
     clock.lap("export")
     measurement = design.measurement
+    system.backend.release()
     # of an extended source it takes two seconds, and that process has nothing left to do
     reached = lens, measurement.metrics
     bound = solids.ask("optics.designing.etendue", "reached_sentences", system.plain, *reached)
