@@ -1,4 +1,4 @@
-"""Where the seconds of a design go, each beside what the work cannot do without.
+"""Where the seconds of a design go, each beside what the work cannot do without; its memory; checks.
 
 Run: thbcad bench profile
 """
@@ -12,22 +12,29 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, sleep
 
 import numpy as np
+import psutil
 
 from benchmarks.checkout import EXAMPLES
 from benchmarks.rows.row import Row, median_seconds
 from optics.base.runtime import load_backend
 from optics.designing.optimisation import stages
 from optics.designing.starts import TransportStart
+from optics.scene.keys import problem_to_toml
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 
 PEARL = EXAMPLES / "pearl.toml"
 RUNS = 5
+MANY = 4096  # pixels of a large target, in each direction
+LOOK = 0.05  # seconds between looks at the memory
 PACKAGES = "numpy, scipy.fft, scipy.interpolate, scipy.optimize, scipy.sparse, drjit"
 PHASE = re.compile(r"^(?P<name>[a-z -]+\d*)(?::.*)?, (?P<seconds>[\d.]+) s \(", re.MULTILINE)
 # of 8 bytes for a cell, written and read again: corners and their flux, codes, slopes, what adjoints pass on
@@ -61,14 +68,57 @@ def rows() -> list[Row]:
         out.append(Row(f"  {name}", median(run[name] for run in runs), "s"))
         if name in least:
             out.append(Row(f"  {name}, at least", least[name][0], "s", least[name][1]))
-    return out
+    return [*out, *_checks(), *_memory()]
+
+
+def _checks() -> list[Row]:
+    """Return the rows of `thbcad check`, of the pearl and of a large target."""
+    with tempfile.TemporaryDirectory() as folder:
+        large, problem = Path(folder) / "large.toml", load_problem(PEARL)
+        target = replace(problem.target, pixels=(MANY, MANY))
+        large.write_text(problem_to_toml(replace(problem, target=target)), "utf-8")
+        files = {"pearl": PEARL, f"{MANY} x {MANY} pixels": large}
+        return [Row(f"check: {name}", _seconds(partial(_check, file)), "s") for name, file in files.items()]
+
+
+def _check(file: Path) -> None:
+    subprocess.run(_words("check", file), check=True, capture_output=True)
+
+
+def _memory() -> list[Row]:
+    """Return the rows of the most memory that a design and its helpers have at one time (Linux)."""
+    if sys.platform != "linux":
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        return [
+            Row(
+                f"{name}: memory at one time",
+                _most_memory(_words("design", PEARL.with_name(f"{name}.toml"), "--out", folder, "--force")),
+                "MB",
+            )
+            for name in ("pearl", "pearl_fine")
+        ]
+
+
+def _most_memory(words: list[str]) -> float:
+    """Return the greatest proportional set size of a command with its processes, MB."""
+    process, most = psutil.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL), 0
+    while process.poll() is None:
+        with suppress(psutil.Error):  # of one that has just ended
+            family = [process, *process.children(recursive=True)]
+            most = max(most, sum(each.memory_full_info().pss for each in family))
+        sleep(LOOK)
+    return most / 2**20
+
+
+def _words(*words: object) -> list[str]:
+    return [sys.executable, "-m", "optics", *map(str, words)]
 
 
 def _run(folder: Path) -> dict[str, float]:
     """Return the seconds of each phase of a design, from the start of its process to its end."""
-    start = perf_counter()
-    words = ["-m", "optics", "design", str(PEARL), "--out", str(folder), "--force"]
-    done = subprocess.run([sys.executable, *words], check=True, capture_output=True, text=True)
+    start, words = perf_counter(), _words("design", PEARL, "--out", folder, "--force")
+    done = subprocess.run(words, check=True, capture_output=True, text=True)
     whole = perf_counter() - start
     phases: dict[str, float] = {}
     for found in PHASE.finditer(done.stderr):
