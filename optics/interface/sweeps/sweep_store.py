@@ -59,11 +59,6 @@ class SweepStore:
         status, sentence, metrics, seconds, peak_mb, picture = row
         return SweepRow(values, status, sentence, json.loads(metrics), seconds, peak_mb, picture)
 
-    def lens(self, problem: str) -> str:
-        """Return the text of lens.json of a problem, "" where it was not kept."""
-        row = self._connection.execute("SELECT lens FROM variants WHERE problem = ?", (problem,)).fetchone()
-        return row[0] if row else ""
-
     def add(self, problem: str, changes: Mapping[str, Any], row: SweepRow, lens: str = "") -> None:
         """Store a row; it is on the disk after the next commit, until which half a second of work may wait.
 

@@ -3,9 +3,10 @@
 import io
 import os
 import signal
+import sqlite3
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from types import SimpleNamespace
 
 from PIL import Image
@@ -20,6 +21,13 @@ DISTANCES = {"target.distance": [200.0, 300.0, 400.0]}
 
 def problem(**changes):
     return load_problem(EXAMPLES / "tophat_circle.toml", changes)
+
+
+def kept_lens(path, identity):
+    """Return the text of lens.json of a problem in a store, "" where it was not kept."""
+    with closing(sqlite3.connect(path)) as store:
+        row = store.execute("SELECT lens FROM variants WHERE problem = ?", (identity,)).fetchone()
+    return row[0] if row else ""
 
 
 def png(level=128):

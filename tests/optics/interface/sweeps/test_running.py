@@ -12,11 +12,11 @@ from optics.base.runtime import UserError
 from optics.exchange.results import fingerprint
 from optics.interface.sweeps import running, sweep_folder, sweep_views
 from optics.interface.sweeps.sweep_rows import SweepRow
-from optics.interface.sweeps.sweep_store import open_store
 from optics.interface.sweeps.sweep_views import _texts
 from optics.scene.problem import Problem
 from tests.optics.interface.sweeps.cases import (
     DISTANCES,
+    kept_lens,
     picky,
     png,
     problem,
@@ -200,27 +200,25 @@ def test_lenses_of_several_free_elements_are_not_kept(by, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def kept_lens(folder):
+def lens_of_300(folder):
     """Return the text of the lens of 300 mm that the store holds."""
-    about = {"problem": fingerprint(problem()), "keys": "target.distance"}
-    with open_store(folder / "sweep.sqlite", about) as store:
-        return store.lens(fingerprint(problem(**{"target.distance": 300})))
+    return kept_lens(folder / "sweep.sqlite", fingerprint(problem(**{"target.distance": 300})))
 
 
 def test_a_kept_lens_is_in_the_store(by, tmp_path):
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
-    assert kept_lens(tmp_path) == '{"lens": 1}'
+    assert lens_of_300(tmp_path) == '{"lens": 1}'
     by(None)  # nothing is computed again
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
-    assert kept_lens(tmp_path) == '{"lens": 1}'
+    assert lens_of_300(tmp_path) == '{"lens": 1}'
 
 
 def test_lenses_that_were_not_kept_are_designed_again(by, tmp_path):
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1)
-    assert kept_lens(tmp_path) == ""
+    assert lens_of_300(tmp_path) == ""
     optics.sweep(problem(), DISTANCES, tmp_path, workers=1, keep_lenses=True)
-    assert kept_lens(tmp_path) == '{"lens": 1}'
+    assert lens_of_300(tmp_path) == '{"lens": 1}'
 
 
 def test_only_what_failed_is_tried_again(by, tmp_path):
