@@ -36,7 +36,7 @@ def manufacture_rows(
 def as_data(metrics: Manufacturability) -> dict[str, Any]:
     """Return the metrics as plain data for JSON; an infinite number is None."""
     thicknesses = {
-        name: _bound_data(getattr(metrics, name))
+        name: bound_data(getattr(metrics, name))
         for name in ("thickness", "centre_thickness", "edge_thickness", "greatest_thickness")
     }
     return {
@@ -87,9 +87,9 @@ def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iter
 def _surface_data(surface: SurfaceMetrics) -> dict[str, Any]:
     feature = surface.feature
     return {
-        "slope_degrees": _bound_data(surface.slope),
-        "concave_radius_mm": _bound_data(surface.concave),
-        "convex_radius_mm": _bound_data(surface.convex),
+        "slope_degrees": bound_data(surface.slope),
+        "concave_radius_mm": bound_data(surface.concave),
+        "convex_radius_mm": bound_data(surface.convex),
         "heights_mm": _range_data(surface.heights),
         "sag_mm": None if surface.departure is None else _range_data(surface.departure),
         "feature": None
@@ -100,7 +100,8 @@ def _surface_data(surface: SurfaceMetrics) -> dict[str, Any]:
     }
 
 
-def _bound_data(extreme: Enclosure) -> dict[str, float | None]:
+def bound_data(extreme: Enclosure) -> dict[str, float | None]:
+    """Return an extreme value, its bounds and its place as plain data; None is infinite, and nowhere."""
     numbers = {name: getattr(extreme, name) for name in ("value", "lower", "upper")}
     somewhere = isfinite(extreme.value)
     return {name: number if isfinite(number) else None for name, number in numbers.items()} | {
@@ -111,4 +112,4 @@ def _bound_data(extreme: Enclosure) -> dict[str, float | None]:
 
 def _range_data(heights: HeightRange) -> dict[str, Any]:
     numbers = {name: getattr(heights, name) for name in ("value", "lower", "upper")}
-    return numbers | {"least": _bound_data(heights.least), "greatest": _bound_data(heights.greatest)}
+    return numbers | {"least": bound_data(heights.least), "greatest": bound_data(heights.greatest)}

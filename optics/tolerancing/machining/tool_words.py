@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Any
 
-from optics.scene.limits import position
+from optics.scene.limits import bound_data, position
 from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
-from thbcad.certified import Enclosure
 from thbcad.tools import Fit, Gaps
 
 NM = 1e6  # of a mm
@@ -57,8 +56,8 @@ def tool_data(findings: ToolFindings) -> dict[str, Any]:
         "order": asked,
         "surfaces": surfaces,
         "draft": {
-            "front_degrees": _bounds(findings.draft.front),
-            "rear_degrees": _bounds(findings.draft.rear),
+            "front_degrees": bound_data(findings.draft.front),
+            "rear_degrees": bound_data(findings.draft.rear),
             "walls_degrees": walls,
             "body_degrees": findings.body_draft,
         },
@@ -243,7 +242,7 @@ def _surface_data(order: ToolOrder, surface: SurfaceFindings) -> dict[str, Any]:
         }
     return {
         "fit": fit_word(surface.fit),
-        "least_concave_radius_mm": _bounds(surface.fit.least),
+        "least_concave_radius_mm": bound_data(surface.fit.least),
         "cusps": cusps,
         "rows": None if surface.rows is None else _rows_data(order, surface.rows),
         "spiral": None if surface.motion is None else _motion_data(order, surface.motion),
@@ -268,9 +267,9 @@ def _motion_data(order: ToolOrder, motion: SpiralMotion) -> dict[str, Any]:
         "radius_mm": motion.cut.radius,
         "turns": motion.cut.turns,
         "length_m": motion.cut.length,
-        "acceleration_over_omega2_mm": _bounds(motion.kernel),
+        "acceleration_over_omega2_mm": bound_data(motion.kernel),
         **({} if motion.gaps is None else {"beside_the_lens": _beside(motion.gaps)}),
-        "clearance_degrees": _bounds(motion.clearance),
+        "clearance_degrees": bound_data(motion.clearance),
         "rpm": rpm,
         "highest_rpm": highest if highest is None or isfinite(highest) else None,
         "acceleration_m_s2": None if rpm is None else motion.acceleration(rpm),
@@ -285,10 +284,3 @@ def _beside(gaps: Gaps) -> dict[str, Any]:
         "acceleration_over_omega2_mm": {"measured": worst, "x": x, "y": y},
         "height_mm": [float(gaps.t.min()), float(gaps.t.max())],
     }
-
-
-def _bounds(found: Enclosure) -> dict[str, float | None]:
-    numbers = {name: getattr(found, name) for name in ("value", "lower", "upper")}
-    numbers = {name: number if isfinite(number) else None for name, number in numbers.items()}
-    met = numbers["value"] is not None
-    return numbers | {"x": found.u if met else None, "y": found.v if met else None}
