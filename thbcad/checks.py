@@ -123,7 +123,7 @@ def require_number(
 def _float64(name: str, value: Any) -> float:
     """Return a real number as float64, NaN for anything else and for bools; raise ValueError for an integer
     beyond it."""
-    if not _is_real(value):
+    if not isinstance(value, Real) or isinstance(value, bool):
         return np.nan
     try:
         return float(value)
@@ -131,11 +131,6 @@ def _float64(name: str, value: Any) -> float:
         raise ValueError(
             f"{name} must be a number that float64 can hold, got {_shown(trunc(value))}"
         ) from None
-
-
-def _is_real(value: object) -> bool:
-    """Return whether a value is a real number and no bool."""
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _shown(value: object) -> str:
