@@ -71,7 +71,7 @@ class BandFormula:
         curvature, transport, seen = np.mean(terms, axis=0)
         light = self.flux * self._irradiance / self._at(self.formula.shown) ** 2
         bent, carried = float((light * curvature).sum()), float((light * transport).sum())
-        single = (float((light * sum(self._terms(wave)[:2])).sum()) for wave in _outer_waves(band))
+        single = (float((light * sum(self._terms(wave)[:2])).sum()) for wave in _waves(band, outer=True))
         return BandChange(
             relative=np.sqrt(curvature + transport),
             norm=sqrt((bent + carried) / light.sum()),
@@ -161,21 +161,17 @@ def seen_by_cells(band: Band, cell: tuple[float, float]) -> float:
     return sqrt(np.mean(squares))
 
 
-def _waves(band: Band) -> Iterator[tuple[float, float]]:
-    """Yield waves (fx, fy) of a band, cycles per mm, at equal steps in direction and in the octave."""
-    for i in range(PERIODS):
-        period = band[0] * (band[1] / band[0]) ** ((i + 0.5) / PERIODS)
+def _waves(band: Band, outer: bool = False) -> Iterator[tuple[float, float]]:
+    """Yield waves (fx, fy) of a band, cycles per mm, at equal steps in direction and in the octave.
+
+    outer : from end to end of the band, and along the axes too; else amid the steps.
+    """
+    amid = 0.0 if outer else 0.5
+    for i in range(PERIODS + outer):
+        period = band[0] * (band[1] / band[0]) ** ((i + amid) / PERIODS)
         for j in range(DIRECTIONS):
-            direction = pi * (j + 0.5) / DIRECTIONS
+            direction = pi * (j + amid) / DIRECTIONS
             yield cos(direction) / period, sin(direction) / period
-
-
-def _outer_waves(band: Band) -> Iterator[tuple[float, float]]:
-    """Yield waves (fx, fy) from end to end of a band, cycles per mm, along the axes too."""
-    for i in range(PERIODS + 1):
-        period = band[0] * (band[1] / band[0]) ** (i / PERIODS)
-        for j in range(DIRECTIONS):
-            yield cos(pi * j / DIRECTIONS) / period, sin(pi * j / DIRECTIONS) / period
 
 
 def _both_sides(between: Floats, axis: int) -> Floats:
