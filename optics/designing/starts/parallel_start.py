@@ -6,9 +6,9 @@ map does, or two: the second makes up for what the first one's surface sends bes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -42,11 +42,12 @@ class ParallelStart:
 
     def shaped(self) -> ShapedLight:
         """Return what the picture asks of the rear."""
-        arrival = self._arrival(self.wanted.flux)
+        density = self._density(self.wanted.flux)
+        arrival = self._arrival(density)
         above, refracts = self._above(arrival, np.zeros(self.counts), SNELL_STEPS)
-        picture, share = self._prewarped(arrival, above)
+        picture, share = self._prewarped(arrival, above, density(self.counts))
         if picture is not None:
-            arrival = self._arrival(picture)
+            arrival = self._arrival(self._density(picture))
             above, _ = self._above(arrival, self._height(above), 1)
         made_up = np.ones(self.counts) if picture is None else share
         bent = float(np.average(refracts, weights=self._light.flux))
@@ -114,11 +115,13 @@ class ParallelStart:
             sag = self._height(above)
         return above, refracts
 
-    def _prewarped(self, arrival: Sequence[Floats], above: Sequence[Floats]) -> tuple[Floats | None, Floats]:
+    def _prewarped(
+        self, arrival: Sequence[Floats], above: Sequence[Floats], density: Floats
+    ) -> tuple[Floats | None, Floats]:
         """Return the picture to ask for, so that the one that is wanted arrives, and the share that passes of
         each cell's light.
 
-        None where it would hardly be another one.
+        None where it would hardly be another one.  density : of the picture that is wanted, on the cells.
         """
         light, wanted, (_, *conic) = self._light, self.wanted, self._conic()
         sag = self._height(above)
@@ -126,7 +129,6 @@ class ParallelStart:
         slopes = [s + c for s, c in zip(np.gradient(sag, *self._spacing), conic)]
         landing = self._refraction.landing(self._points(sag), light.direction, slopes)
         beside = [(q - a) / h for q, a, h in zip(landing, arrival, wanted.half)]
-        density = self._density(wanted.flux, self.counts)
         shaped = self.path.shaped
         share = passing_share(self.path.surfaces[shaped], self._refraction, light.direction, slopes)
         height = self._points(sag)[2]
@@ -138,15 +140,14 @@ class ParallelStart:
         much = change > enough * np.linalg.norm(density / density.mean())
         return asked if much else None, share
 
-    def _density(self, picture: Floats, grid: tuple[int, int]) -> Floats:
-        """Return a picture of the lit rectangle as cell means, (nx, ny)."""
-        rows = np.ascontiguousarray(picture.T[::-1])
-        return target_irradiance(rows, Screen(self.wanted.half, grid), "stretch", 1.0)[::-1].T
+    def _density(self, picture: Floats) -> Callable[[tuple[int, int]], Floats]:
+        """Return the function of a grid that gives a picture of the lit rectangle as cell means, (nx, ny)."""
+        rows, half = np.ascontiguousarray(picture.T[::-1]), self.wanted.half
+        return lambda grid: target_irradiance(rows, Screen(half, grid), "stretch", 1.0)[::-1].T
 
-    def _arrival(self, picture: Floats) -> tuple[Floats, Floats]:
+    def _arrival(self, density: Callable[[tuple[int, int]], Floats]) -> tuple[Floats, Floats]:
         """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
         (hx, hy), (u, v), half = self.wanted.half, self.wanted.centre, self._half
         aspect = np.sqrt(half[0] * hx / (half[1] * hy))
-        density = partial(self._density, picture)
         tx, ty = transport_map(self.backend, density, self.counts, aspect, self._light.emitted)
         return u + hx * tx, v + hy * ty

@@ -91,8 +91,11 @@ class Receiver(Value, ABC):
         return x, y, z
 
     def area(self, u: Any, v: Any) -> Any:
-        """Return the area over du dv, mm^2 or solid angle in square degrees: pictures are light per area."""
-        return np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
+        """Return the area over du dv, mm^2 or solid angle in square degrees: pictures are light per area.
+
+        Where all are the same they are one number in memory, which is not to be written.
+        """
+        return np.broadcast_to(1.0, np.broadcast_shapes(np.shape(u), np.shape(v)))
 
     @property
     def across_axis(self) -> bool:
