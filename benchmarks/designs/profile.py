@@ -101,13 +101,21 @@ def _memory() -> list[Row]:
 
 
 def _most_memory(words: list[str]) -> float:
-    """Return the greatest proportional set size of a command with its processes, MB."""
+    """Return the greatest proportional set size of a command with its processes, MB.
+
+    Raises CalledProcessError : the command failed.
+    """
     process, most = psutil.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL), 0
     while process.poll() is None:
-        with suppress(psutil.Error):  # of one that has just ended
-            family = [process, *process.children(recursive=True)]
-            most = max(most, sum(each.memory_full_info().pss for each in family))
+        now = 0
+        with suppress(psutil.Error):  # of the command, which has just ended
+            for each in (process, *process.children(recursive=True)):
+                with suppress(psutil.Error):  # of a process of its own
+                    now += each.memory_full_info().pss
+        most = max(most, now)
         sleep(LOOK)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, words)
     return most / 2**20
 
 

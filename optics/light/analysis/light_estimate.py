@@ -16,9 +16,10 @@ from thbcad.checks import Bools, Floats
 class LightEstimate:
     """Light in the target plane.
 
-    irradiance : (rows, columns), W/mm^2.  error : of it, (rows, columns), as a standard deviation.
-    drift : of that error, what is no noise but has a known sign, (rows, columns): all of it where finer cells
-        tell what coarser ones miss; squares of noise and of drift add up to those of the error.
+    irradiance : (rows, columns), W/mm^2.
+    error : of it, (rows, columns), as a standard deviation, of any sign.
+    drift : of that error, what is no noise but has a known sign, (rows, columns), or 0: what finer cells
+        would add, about.  Squares of noise and of drift add up to those of the error.
     on_target, off_target : W in the target plane, on the screen and beside it.
     off_error : of the latter, as a standard deviation.
     axes : 0 for x and 1 for y, of directions in which its error is its own mirror image.
@@ -69,14 +70,14 @@ class LightEstimate:
         Errors are larger by that multiple: a mean over as many pixels as came from one has its error again.
         """
         times = screen.shape[0] // self.irradiance.shape[0]
-        whole = np.ones((times, times))
+        whole, drifts = np.ones((times, times)), self.drift * np.ones_like(self.irradiance)
         image, error, drift = (
-            np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error, self.drift)
+            np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error, drifts)
         )
         return replace(self, irradiance=image, error=times * error, drift=times * drift)
 
     def over(self, projection: Floats) -> LightEstimate:
-        """Return it with irradiance and error divided by a function of the pixels, (rows, columns)."""
+        """Return it with irradiance, error and drift divided by a function of the pixels, (rows, columns)."""
         over = {name: getattr(self, name) / projection for name in ("irradiance", "error", "drift")}
         return replace(self, **over)
 
@@ -98,7 +99,8 @@ class LightEstimate:
         rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
             errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2;
             where n images share errors, sum_i (4 R_i^2 / n - 2 n s_i^2) s_i^2 with R_i summed over images.
-            A drift d moves ||r||^2 by 2 (r, d) besides, as far as it is known.
+            The second terms are of noise alone.  A drift d adds to the standard deviation: it moves ||r||^2
+            by 2 (r, d) + ||d||^2, where only its size is certain.
         """
         norm = float(np.linalg.norm(target) / target.mean())
         scale = self.irradiance.mean()
@@ -106,11 +108,13 @@ class LightEstimate:
             return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}
         residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
         drift = self.drift / scale * np.ones_like(residual)
-        floor, noise = float(np.linalg.norm(error)) / norm, np.maximum(error**2 - drift**2, 0.0).sum()
-        debiased = sqrt(max(float(np.sum(residual**2) - noise), 0.0)) / norm
+        noise = np.maximum(error**2 - drift**2, 0.0)  # its square
+        floor = float(np.linalg.norm(error)) / norm
+        debiased = sqrt(max(float(np.sum(residual**2 - noise)), 0.0)) / norm
         summed, images = with_mirror_images(residual, self.axes), 2 ** len(self.axes)
-        variance = float(np.sum((4 * summed**2 / images - 2 * images * error**2) * error**2))
-        spread = sqrt(max(variance, 0.0) + (2 * float(np.sum(residual * drift))) ** 2) / norm**2 / 2
+        variance = float(np.sum(4 * summed**2 / images * error**2 - 2 * images * noise**2))
+        known = 2 * abs(float(np.sum(residual * drift))) + float(np.sum(drift**2))
+        spread = sqrt(max(variance, 0.0) + known**2) / norm**2 / 2
         return {
             "rel_l2_floor": floor,
             "rel_l2_debiased": debiased,

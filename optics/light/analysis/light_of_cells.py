@@ -39,7 +39,7 @@ from thbcad.checks import EPS, Bools, Floats
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
 PIXELS_TO_A_CORNER = 2  # of those at once on large screens, whose pixels take time for every strip
 # of the finest grid, in each direction: rel_l2 is within 4e-5 of that of 6143 cells on ten examples, within
-# 6e-4 on pictures that are mostly black or of few greys, and always within what is told
+# 6e-4 on pictures that are mostly black or of few greys
 CELLS_PER_PIXEL, CELLS_PER_SPAN = 4, 4
 MORE_PER_PIXEL, CHEAP = 10, 1024  # where that is not more in all: folds err by 0.3 % at most in each pixel
 LEAST_CELLS = 256

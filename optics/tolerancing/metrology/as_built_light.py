@@ -84,7 +84,8 @@ class AsBuilt:
             checks = [replace(c, value=None, remark=remark) for c in delivery_checks(metrics, limits)]
             return judged(metrics, checks, notes, of_file=False)
         error = self.light_error
-        light: dict[str, float | None] = {"rel_l2_debiased": error.rel_l2, "rel_l2_error": error.error}
+        both = hypot(error.error, metrics["rel_l2_error"])  # of metrology, and of the measured light itself
+        light: dict[str, float | None] = {"rel_l2_debiased": error.rel_l2, "rel_l2_error": both}
         if metrics.get("contrast_error") is not None:
             light |= contrast_error(light, self.measurement.target)
         known = metrics | light | _less_certain(metrics, error.error)

@@ -109,6 +109,7 @@ def test_what_is_designed_stays_where_another_try_for_its_lens_fails(tmp_path, s
         store.add("b", {}, tried)
         store.add("b", {}, ROW)
         assert store.get("b") == ROW
+    assert kept_lens(tmp_path / "s", "a") == "{}"
 
 
 def test_a_killed_writer_leaves_every_committed_row_whole(tmp_path):
