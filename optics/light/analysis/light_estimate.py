@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -85,10 +85,13 @@ class LightEstimate:
         """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns).
 
         Of pixel errors s_i that n images share, and that are independent else, it is
-        sqrt(sum_i v_i^2 s_i^2 / n) with the sums v_i of the weights of a pixel's images.
+        sqrt(sum_i v_i^2 s_i^2 / n) with the sums v_i of the weights of a pixel's images.  The sum of a drift
+        adds to it.
         """
-        summed = with_mirror_images(np.asarray(weights, np.float64), self.axes)
-        return float(np.linalg.norm(summed * self.error)) / sqrt(2 ** len(self.axes))
+        own = np.asarray(weights, np.float64)
+        summed = with_mirror_images(own, self.axes)
+        independent = float(np.linalg.norm(summed * self.error)) / sqrt(2 ** len(self.axes))
+        return hypot(independent, float(np.sum(own * self.drift)))
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.

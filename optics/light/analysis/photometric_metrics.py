@@ -35,7 +35,9 @@ def photometric_metrics(
         mean = float(np.average(irradiance, weights=screen.projection()))
         found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
-        found["uniformity"] = uniformity_metrics(system, irradiance, light.error, blur, light.axes)
+        found["uniformity"] = uniformity_metrics(
+            system, irradiance, light.error, blur, light.axes, light.drift
+        )
     return found
 
 
@@ -71,18 +73,18 @@ def uniformity_metrics(
     error: Floats | None,
     blur: float,
     axes: Sequence[int] = (),
+    drift: Floats | float = 0.0,
 ) -> dict[str, Any]:
     """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
 
     irradiance : as of a Measurement.  error : its standard deviations, (rows, columns); no error is None.
-    blur : as of `photometric_metrics`.  axes : as of a LightEstimate.
+    blur : as of `photometric_metrics`.  axes, drift : as of a LightEstimate.
     """
     target, screen, density = system.target, system.target.screen(), system.density
     if target.uniform_region is None or target.lit_pixels is None:
         raise ValueError("only a target that asks for the same light everywhere has a uniformity")
-    found = uniformity(
-        irradiance, target.uniform_region, screen.half_width, error, blur, system.problem.verify.grid, axes
-    )
+    grid = system.problem.verify.grid
+    found = uniformity(irradiance, target.uniform_region, screen.half_width, error, blur, grid, axes, drift)
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
     lit, areas = target.lit_pixels, np.ones(screen.shape) if screen.angular else screen.projection()

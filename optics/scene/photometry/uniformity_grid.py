@@ -65,6 +65,7 @@ def uniformity(
     blur: float = 0.0,
     grid: int = GRID,
     axes: Sequence[int] = (),
+    drift: Floats | float = 0.0,
 ) -> Uniformity:
     """Return how uniform light is in a region of the target.
 
@@ -73,11 +74,12 @@ def uniformity(
     blur : rms in one direction of the light that a point of the lens sends, mm or degrees.
     grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
     axes : 0 for x and 1 for y, of directions in which errors are their own mirror images.
+    drift : of the error, what is no noise: it adds up over a box, and nothing is taken off for it.
     """
     margin = max(MARGIN * min(region.size), blur)
     pixel = 2 * half_width[0] / light.shape[1], 2 * half_width[1] / light.shape[0]
     for width in range(1, max(1, grid // LARGEST) + 1):
-        found = _on_boxes(light, region, half_width, error, margin, grid, width, axes)
+        found = _on_boxes(light, region, half_width, error, margin, grid, width, axes, drift)
         wide = all(b >= p * (1 - 1e-9) for b, p in zip(found.box, pixel))
         if found.reason or (wide and found.noise <= NOISE):
             return found
@@ -98,6 +100,7 @@ def _on_boxes(
     grid: int,
     width: int,
     axes: Sequence[int],
+    drift: Floats | float,
 ) -> Uniformity:
     """Return the uniformity on all squares of width x width boxes of the grid."""
     # boxes that lie wholly within the margin count, where all of a square do
@@ -127,15 +130,20 @@ def _on_boxes(
         return replace(found, reason="the region is dark")
     means = np.maximum(means, 0.0) / found.mean
     if error is None:
-        return _judged(found, means, np.zeros(len(means)), 0.0)
+        return _judged(found, means, *np.zeros((2, len(means))), 0.0)
+    drift = drift / found.mean * np.ones_like(light)
+    drifts = (by_row @ drift @ by_column.T)[kept]
     # pixels that are mirror images share their errors: in these the weights of all images add up
     by_row, by_column = (s + s[:, ::-1] if a in axes else s for a, s in ((1, by_row), (0, by_column)))
-    error = error / found.mean / sqrt(2 ** len(axes))
-    noise = np.sqrt((by_row**2 @ error**2 @ (by_column**2).T)[kept])
+    images = 2 ** len(axes)
+    pixels = np.maximum(np.square(error / found.mean) - np.square(drift), 0.0) / images  # noise, its square
+    noise = np.sqrt((by_row**2 @ pixels @ (by_column**2).T)[kept])
     away = np.zeros(kept.shape)
     away[kept] = means - 1
-    of_squares = 4 * float(np.sum(np.square((by_row.T @ away @ by_column) * error)))
-    return _judged(found, means, noise, of_squares - 2 ** (1 + len(axes)) * float(np.sum(noise**4)))
+    of_squares = 4 * float(np.sum(np.square(by_row.T @ away @ by_column) * pixels))
+    known = 2 * abs(float(np.sum((means - 1) * drifts))) + float(np.sum(drifts**2))
+    variance = max(of_squares - 2 * images * float(np.sum(noise**4)), 0.0) + known**2
+    return _judged(found, means, noise, drifts, variance)
 
 
 def _mean_of(shares: Floats, width: int) -> Floats:
@@ -143,25 +151,25 @@ def _mean_of(shares: Floats, width: int) -> Floats:
     return sliding_window_view(shares, width, axis=0).mean(axis=-1)
 
 
-def _judged(found: Uniformity, means: Floats, noise: Floats, variance: float) -> Uniformity:
+def _judged(found: Uniformity, means: Floats, noise: Floats, drifts: Floats, variance: float) -> Uniformity:
     """Return the ratios of boxes.
 
-    means, noise : relative to the mean of all.  variance : of the sum of (means - 1)^2.
+    means, noise, drifts : relative to the mean of all.  variance : of the sum of (means - 1)^2.
     """
-    low, high = int(means.argmin()), int(means.argmax())
-    least, most = float(means[low]), float(means[high])
+    low, high, errors = int(means.argmin()), int(means.argmax()), np.hypot(noise, drifts)
+    least, most, worst = float(means[low]), float(means[high]), float(errors.max())
     ratio, square = least / most, max(float(means.var()) - float(np.mean(noise**2)), 0.0)
     rsd = sqrt(square)
-    rsd_error = sqrt(max(variance, 0.0)) / len(means) / 2 / rsd if rsd else float(noise.max())
+    rsd_error = sqrt(variance) / len(means) / 2 / rsd if rsd else worst
     return replace(
         found,
-        noise=float(noise.max()),
+        noise=worst,
         min_over_mean=least,
-        min_over_mean_error=float(noise[low]),
+        min_over_mean_error=float(errors[low]),
         min_over_max=ratio,
-        min_over_max_error=hypot(float(noise[low]), ratio * float(noise[high])) / most,
+        min_over_max_error=hypot(float(errors[low]), ratio * float(errors[high])) / most,
         rsd=rsd,
-        rsd_error=min(rsd_error, float(noise.max())),
+        rsd_error=min(rsd_error, worst),
     )
 
 

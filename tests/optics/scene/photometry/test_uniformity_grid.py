@@ -167,6 +167,28 @@ def test_errors_are_those_of_repetitions(axes):
     assert spread == pytest.approx(found[0].rsd_error, rel=0.2)
 
 
+@pytest.mark.parametrize("share", [0.3, -0.3, 0.05])
+def test_a_drift_is_told_and_not_taken_off(share):
+    """Waves that are off by a share of themselves: rsd stays as it is, and it and U0 are off by what is told.
+    Of as much noise a third would be told, which averages out over a box."""
+    x = np.linspace(-1, 1, 63)
+    waves = 0.02 * np.cos(3 * x) * np.cos(2 * x)[:, None]
+    drift = share * waves
+    shown, noisy, plain, true = (
+        uniformity(1 + light, WHOLE, HALF, error, drift=known)
+        for light, error, known in (
+            (waves, drift, drift),
+            (waves, drift, 0.0),
+            (waves, None, 0.0),
+            (waves + drift, None, 0.0),
+        )
+    )
+    assert shown.rsd == plain.rsd > noisy.rsd
+    assert abs(true.rsd - shown.rsd) == pytest.approx(shown.rsd_error, rel=abs(share))
+    assert abs(true.min_over_mean - shown.min_over_mean) == pytest.approx(shown.min_over_mean_error, rel=0.1)
+    assert noisy.min_over_mean_error == pytest.approx(shown.min_over_mean_error / 3, rel=0.1)
+
+
 @given(st.floats(1.5, 4.0))
 def test_the_edge_of_a_blurred_step_has_the_width_of_its_blur(sigma):
     """Between 90 and 10 % a Gaussian edge is 2.563 sigma wide; pixels widen it in squares."""
