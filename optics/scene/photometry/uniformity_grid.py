@@ -129,8 +129,9 @@ def _on_boxes(
     if found.mean <= 0:
         return replace(found, reason="the region is dark")
     means = np.maximum(means, 0.0) / found.mean
+    none = np.zeros(len(means))
     if error is None:
-        return _judged(found, means, *np.zeros((2, len(means))), 0.0)
+        return _judged(found, means, none, none, 0.0)
     drift = drift / found.mean * np.ones_like(light)
     drifts = (by_row @ drift @ by_column.T)[kept]
     # pixels that are mirror images share their errors: in these the weights of all images add up
