@@ -17,21 +17,25 @@ class LightEstimate:
     """Light in the target plane.
 
     irradiance : (rows, columns), W/mm^2.
-    error : of it, (rows, columns), as a standard deviation, of any sign.
-    drift : of that error, what is no noise but has a known sign, (rows, columns), or 0: what finer cells
-        would add, about.  Squares of noise and of drift add up to those of the error.
+    noise : of it, (rows, columns), as a standard deviation: independent in every pixel, another every time.
+    drift : (rows, columns), or 0: what finer cells would add to it, about.
     on_target, off_target : W in the target plane, on the screen and beside it.
     off_error : of the latter, as a standard deviation.
     axes : 0 for x and 1 for y, of directions in which its error is its own mirror image.
     """
 
     irradiance: Floats
-    error: Floats
+    noise: Floats
     on_target: float
     off_target: float
     off_error: float = 0.0
     axes: tuple[int, ...] = ()
     drift: Floats | float = 0.0
+
+    @property
+    def error(self) -> Floats:
+        """Of the irradiance, noise and drift together, (rows, columns), as a standard deviation."""
+        return np.hypot(self.noise, self.drift)
 
     @classmethod
     def of_replicates(
@@ -56,7 +60,7 @@ class LightEstimate:
         """Return the sum of two independent estimates."""
         return LightEstimate(
             self.irradiance + other.irradiance,
-            np.hypot(self.error, other.error),
+            np.hypot(self.noise, other.noise),
             self.on_target + other.on_target,
             self.off_target + other.off_target,
             float(np.hypot(self.off_error, other.off_error)),
@@ -70,15 +74,14 @@ class LightEstimate:
         Errors are larger by that multiple: a mean over as many pixels as came from one has its error again.
         """
         times = screen.shape[0] // self.irradiance.shape[0]
-        whole, drifts = np.ones((times, times)), self.drift * np.ones_like(self.irradiance)
-        image, error, drift = (
-            np.asarray(np.kron(a, whole), np.float64) for a in (self.irradiance, self.error, drifts)
-        )
-        return replace(self, irradiance=image, error=times * error, drift=times * drift)
+        whole = np.ones((times, times))
+        numbers = self.irradiance, times * self.noise, times * self.drift * np.ones_like(self.irradiance)
+        image, noise, drift = (np.asarray(np.kron(a, whole), np.float64) for a in numbers)
+        return replace(self, irradiance=image, noise=noise, drift=drift)
 
     def over(self, projection: Floats) -> LightEstimate:
-        """Return it with irradiance, error and drift divided by a function of the pixels, (rows, columns)."""
-        over = {name: getattr(self, name) / projection for name in ("irradiance", "error", "drift")}
+        """Return it with irradiance, noise and drift divided by a function of the pixels, (rows, columns)."""
+        over = {name: getattr(self, name) / projection for name in ("irradiance", "noise", "drift")}
         return replace(self, **over)
 
     def error_of_sum(self, weights: Floats | Bools) -> float:
@@ -109,13 +112,12 @@ class LightEstimate:
         scale = self.irradiance.mean()
         if scale <= 0:
             return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}
-        residual, error = self.irradiance / scale - target / target.mean(), self.error / scale
-        drift = self.drift / scale * np.ones_like(residual)
-        noise = np.maximum(error**2 - drift**2, 0.0)  # its square
-        floor = float(np.linalg.norm(error)) / norm
-        debiased = sqrt(max(float(np.sum(residual**2 - noise)), 0.0)) / norm
+        residual = self.irradiance / scale - target / target.mean()
+        noise, drift = (a / scale * np.ones_like(residual) for a in (self.noise, self.drift))
+        floor = float(np.linalg.norm(np.hypot(noise, drift))) / norm
+        debiased = sqrt(max(float(np.sum(residual**2 - noise**2)), 0.0)) / norm
         summed, images = with_mirror_images(residual, self.axes), 2 ** len(self.axes)
-        variance = float(np.sum(4 * summed**2 / images * error**2 - 2 * images * noise**2))
+        variance = float(np.sum(4 * summed**2 / images * (noise**2 + drift**2) - 2 * images * noise**4))
         known = 2 * abs(float(np.sum(residual * drift))) + float(np.sum(drift**2))
         spread = sqrt(max(variance, 0.0) + known**2) / norm**2 / 2
         return {

@@ -87,7 +87,7 @@ def beam_irradiance(
     off = arriving.transmitted - on
     irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels, whose flux is taken from all
     irradiance *= on / (float(irradiance.sum()) * screen.pixel_area or 1.0)
-    return LightEstimate(irradiance, light.error, on, off, light.off_error), arriving.landing(on, off)
+    return LightEstimate(irradiance, light.noise, on, off, light.off_error), arriving.landing(on, off)
 
 
 @dataclass(frozen=True, eq=False)

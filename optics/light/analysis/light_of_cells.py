@@ -131,10 +131,11 @@ def grid_irradiance(
     images, (fates, coarse, _) = zip(*traced)
     ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
     light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(images), ratios))
-    error = (light - coarser) / _excess(ratios[0] ** ORDER)
+    drift = (light - coarser) / _excess(ratios[0] ** ORDER)
     # which is not extrapolated: light keeps its flux
     off_error = abs(coarse.off_target - fates.off_target) / (ratios[0] - 1)
-    return LightEstimate(light, error, fates.on_target, fates.off_target, off_error, drift=error), fates
+    none = np.zeros_like(light)  # cells are the same every time
+    return LightEstimate(light, none, fates.on_target, fates.off_target, off_error, drift=drift), fates
 
 
 def _grid(counts: Sequence[float], kinked: bool) -> list[int]:

@@ -77,19 +77,19 @@ def spectral_light(
     """
     if not system.spectral:
         return SpectralLight(*estimate(system, path, screen, backend), None)
-    image, error, drift = np.zeros((3, *screen.shape))
+    image, noise, drift = np.zeros((3, *screen.shape))
     colour = np.zeros((3, *screen.shape))
     fates, on, off, off_error, axes = [], 0.0, 0.0, 0.0, tuple[int, ...]()
     for wavelength in system.wavelengths:
         light, by_fate = estimate(system, path.in_media(wavelength.media), screen, backend)
         image += wavelength.weight * light.irradiance
-        error += wavelength.weight * light.error
+        noise += wavelength.weight * light.noise
         drift += wavelength.weight * light.drift
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
         on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
         off_error, axes = off_error + wavelength.weight * light.off_error, light.axes
         fates.append(by_fate * wavelength.weight)
-    light = LightEstimate(image, error, on, off, off_error, axes, drift)
+    light = LightEstimate(image, noise, on, off, off_error, axes, drift)
     return SpectralLight(light, reduce(add, fates), colour)
 
 

@@ -36,7 +36,7 @@ def photometric_metrics(
         found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(
-            system, irradiance, light.error, blur, light.axes, light.drift
+            system, irradiance, light.noise, blur, light.axes, light.drift
         )
     return found
 
@@ -48,7 +48,7 @@ def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) ->
     """
     target, density, found = system.target, system.density, []
     for row in target.zone_rows(screen):
-        reading = row.reading(light.irradiance, light.error, light.axes)
+        reading = row.reading(light.irradiance, light.noise, light.axes, light.drift)
         numbers = {name: density.factor * value for name, value in reading._asdict().items()}
         greatest = numbers["greatest"] if isfinite(reading.greatest) else None
         over = reading.margin * reading.limit / reading.error if reading.error else None
@@ -70,21 +70,21 @@ def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) ->
 def uniformity_metrics(
     system: OpticalSystem,
     irradiance: Floats,
-    error: Floats | None,
+    noise: Floats | None,
     blur: float,
     axes: Sequence[int] = (),
     drift: Floats | float = 0.0,
 ) -> dict[str, Any]:
     """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
 
-    irradiance : as of a Measurement.  error : its standard deviations, (rows, columns); no error is None.
+    irradiance : as of a Measurement.  noise : its standard deviations, (rows, columns); no error is None.
     blur : as of `photometric_metrics`.  axes, drift : as of a LightEstimate.
     """
     target, screen, density = system.target, system.target.screen(), system.density
     if target.uniform_region is None or target.lit_pixels is None:
         raise ValueError("only a target that asks for the same light everywhere has a uniformity")
     grid = system.problem.verify.grid
-    found = uniformity(irradiance, target.uniform_region, screen.half_width, error, blur, grid, axes, drift)
+    found = uniformity(irradiance, target.uniform_region, screen.half_width, noise, blur, grid, axes, drift)
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
     lit, areas = target.lit_pixels, np.ones(screen.shape) if screen.angular else screen.projection()

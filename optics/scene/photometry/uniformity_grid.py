@@ -61,7 +61,7 @@ def uniformity(
     light: Floats,
     region: LitRegion,
     half_width: tuple[float, float],
-    error: Floats | None = None,
+    noise: Floats | None = None,
     blur: float = 0.0,
     grid: int = GRID,
     axes: Sequence[int] = (),
@@ -70,16 +70,16 @@ def uniformity(
     """Return how uniform light is in a region of the target.
 
     light : (rows, columns), means over pixels that tile |x| <= half_width[0], |y| <= half_width[1].
-    error : of it, as standard deviations, (rows, columns); None is no error.
+    noise : of it, as standard deviations, (rows, columns); None is no error.
     blur : rms in one direction of the light that a point of the lens sends, mm or degrees.
     grid : boxes in each direction; larger ones are taken where their noise is above NOISE.
     axes : 0 for x and 1 for y, of directions in which errors are their own mirror images.
-    drift : of the error, what is no noise: it adds up over a box, and nothing is taken off for it.
+    drift : an error that is no noise: it adds up over a box, and nothing is taken off for it.
     """
     margin = max(MARGIN * min(region.size), blur)
     pixel = 2 * half_width[0] / light.shape[1], 2 * half_width[1] / light.shape[0]
     for width in range(1, max(1, grid // LARGEST) + 1):
-        found = _on_boxes(light, region, half_width, error, margin, grid, width, axes, drift)
+        found = _on_boxes(light, region, half_width, noise, margin, grid, width, axes, drift)
         wide = all(b >= p * (1 - 1e-9) for b, p in zip(found.box, pixel))
         if found.reason or (wide and found.noise <= NOISE):
             return found
@@ -95,7 +95,7 @@ def _on_boxes(
     light: Floats,
     region: LitRegion,
     half_width: tuple[float, float],
-    error: Floats | None,
+    noise: Floats | None,
     margin: float,
     grid: int,
     width: int,
@@ -129,22 +129,20 @@ def _on_boxes(
     if found.mean <= 0:
         return replace(found, reason="the region is dark")
     means = np.maximum(means, 0.0) / found.mean
-    none = np.zeros(len(means))
-    if error is None:
-        return _judged(found, means, none, none, 0.0)
-    drift = drift / found.mean * np.ones_like(light)
-    drifts = (by_row @ drift @ by_column.T)[kept]
+    if noise is None:
+        return _judged(found, means, 0 * means, 0 * means, 0.0)
+    drifts = (by_row @ (drift / found.mean * np.ones_like(light)) @ by_column.T)[kept]
     # pixels that are mirror images share their errors: in these the weights of all images add up
     by_row, by_column = (s + s[:, ::-1] if a in axes else s for a, s in ((1, by_row), (0, by_column)))
     images = 2 ** len(axes)
-    pixels = np.maximum(np.square(error / found.mean) - np.square(drift), 0.0) / images  # noise, its square
-    noise = np.sqrt((by_row**2 @ pixels @ (by_column**2).T)[kept])
+    pixels = np.square(noise / found.mean) / images
+    noises = np.sqrt((by_row**2 @ pixels @ (by_column**2).T)[kept])
     away = np.zeros(kept.shape)
     away[kept] = means - 1
     of_squares = 4 * float(np.sum(np.square(by_row.T @ away @ by_column) * pixels))
     known = 2 * abs(float(np.sum((means - 1) * drifts))) + float(np.sum(drifts**2))
-    variance = max(of_squares - 2 * images * float(np.sum(noise**4)), 0.0) + known**2
-    return _judged(found, means, noise, drifts, variance)
+    variance = max(of_squares - 2 * images * float(np.sum(noises**4)), 0.0) + known**2
+    return _judged(found, means, noises, drifts, variance)
 
 
 def _mean_of(shares: Floats, width: int) -> Floats:
@@ -152,14 +150,14 @@ def _mean_of(shares: Floats, width: int) -> Floats:
     return sliding_window_view(shares, width, axis=0).mean(axis=-1)
 
 
-def _judged(found: Uniformity, means: Floats, noise: Floats, drifts: Floats, variance: float) -> Uniformity:
+def _judged(found: Uniformity, means: Floats, noises: Floats, drifts: Floats, variance: float) -> Uniformity:
     """Return the ratios of boxes.
 
-    means, noise, drifts : relative to the mean of all.  variance : of the sum of (means - 1)^2.
+    means, noises, drifts : relative to the mean of all.  variance : of the sum of (means - 1)^2.
     """
-    low, high, errors = int(means.argmin()), int(means.argmax()), np.hypot(noise, drifts)
+    low, high, errors = int(means.argmin()), int(means.argmax()), np.hypot(noises, drifts)
     least, most, worst = float(means[low]), float(means[high]), float(errors.max())
-    ratio, square = least / most, max(float(means.var()) - float(np.mean(noise**2)), 0.0)
+    ratio, square = least / most, max(float(means.var()) - float(np.mean(noises**2)), 0.0)
     rsd = sqrt(square)
     rsd_error = sqrt(variance) / len(means) / 2 / rsd if rsd else worst
     return replace(

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, inf, isinf, sqrt
+from math import ceil, hypot, inf, isinf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -104,11 +104,14 @@ class ZoneRow:
         least, greatest = max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
         return self.correction * least, self.correction * greatest
 
-    def reading(self, light: Floats, error: Floats, axes: Sequence[int] = ()) -> ZoneReading:
+    def reading(
+        self, light: Floats, noise: Floats, axes: Sequence[int] = (), drift: Floats | float = 0.0
+    ) -> ZoneReading:
         """Return what the row says.
 
-        light : (rows, columns).  error : of its pixels, a standard deviation.
-        axes : directions in which errors are their own mirror images.
+        light : (rows, columns).  noise : of its pixels, a standard deviation.
+        axes : directions in which noise is its own mirror image.
+        drift : an error of the pixels that is no noise, and adds up where these are read together.
         """
         values = self.readings @ light.ravel()
         k = int(np.argmax(values) if self.brightest else np.argmin(values))
@@ -119,12 +122,13 @@ class ZoneRow:
             if self.least_of_peak * found[peak] > least:  # the limit errs, too
                 least = self.least_of_peak * float(found[peak])
                 weights = weights - self.least_of_peak * self.peaks[[peak]]
+        known = float((weights @ (drift * np.ones_like(light)).ravel())[0])
         for axis in axes:
             weights = (
                 weights + weights[:, np.flip(np.arange(light.size).reshape(light.shape), 1 - axis).ravel()]
             )
-        noise = sqrt((weights.multiply(weights) @ np.square(error.ravel()))[0] / 2 ** len(axes))
-        return ZoneReading(value, noise, least, self.greatest)
+        square = (weights.multiply(weights) @ np.square(noise.ravel()))[0] / 2 ** len(axes)
+        return ZoneReading(value, hypot(sqrt(square), known), least, self.greatest)
 
 
 def zone_places(shape: str, corners: ArrayLike, screen: Screen, right: int = 1) -> Floats:

@@ -175,9 +175,9 @@ def test_a_drift_is_told_and_not_taken_off(share):
     waves = 0.02 * np.cos(3 * x) * np.cos(2 * x)[:, None]
     drift = share * waves
     shown, noisy, plain, true = (
-        uniformity(1 + light, WHOLE, HALF, error, drift=known)
-        for light, error, known in (
-            (waves, drift, drift),
+        uniformity(1 + light, WHOLE, HALF, noise, drift=known)
+        for light, noise, known in (
+            (waves, 0 * drift, drift),
             (waves, drift, 0.0),
             (waves, None, 0.0),
             (waves + drift, None, 0.0),

@@ -144,6 +144,8 @@ def test_a_reading_is_exact_on_linear_light_and_its_error_is_that_of_independent
     (row,) = zone_rows("", np.array([[0.0, 0.0]]), screen, (1.0, 3.0, 0.0), 0.0)
     found = row.reading(2 + u, np.full(screen.shape, 0.1))
     assert found.error == pytest.approx(0.1 / 2)  # the mean of four
+    drifting = row.reading(2 + u, np.full(screen.shape, 0.1), drift=0.2 * np.ones(screen.shape) + u)
+    assert drifting.error == pytest.approx(np.hypot(0.1 / 2, 0.2))  # which adds up, and u is 0 there
 
 
 @pytest.mark.parametrize("axes", [(), (0,), (1,), (0, 1)], ids=str)
