@@ -14,15 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from thbcad.checks import Floats
+from thbcad.checks import Floats, Integers
 
 CELLS_PER_BIN = 4  # in each direction: d is averaged in bins, since it is smooth but for cracks of the map
 CELLS_PER_FINE_BIN = 2
 LEAST_SHARE = 0.1  # that is made up for: with less, grazing light would take the light of all else
 FEW = 1e-3  # of the mean light of a bin: with less its d is that of the nearest other
 SAMPLES = 2  # of a cell in each direction
+STRIP = 16  # rows of cells at a time, whose arrays stay in the processor's cache
 
 
 def prewarped(
@@ -41,22 +42,45 @@ def prewarped(
     fine : d is as uneven as the picture.  share : (mx, my), of the light that goes on; None is all.
     """
     bins = [-(-n // (CELLS_PER_FINE_BIN if fine else CELLS_PER_BIN)) for n in wanted.shape]
-    samples = [SAMPLES * n for n in wanted.shape]
-    smooth = [
-        zoom(d, [m / k for m, k in zip(samples, bins)], order=1, mode="nearest", grid_mode=True)
-        for d in _binned(sent, [*beside, *([] if share is None else [share])], light, bins)
-    ]
-    cells = [d * (n / 2) for d, n in zip(smooth, samples)]
-    row, column = (np.floor(d + k + 0.5).astype(int) // SAMPLES for d, k in zip(cells, np.indices(samples)))
-    on_target = (row >= 0) & (row < wanted.shape[0]) & (column >= 0) & (column < wanted.shape[1])
-    arriving = np.where(on_target, wanted[np.where(on_target, row, 0), np.where(on_target, column, 0)], 0.0)
-    (xx, xy), (yx, yy) = (np.gradient(d) for d in cells)
-    asked = arriving * np.maximum((1 + xx) * (1 + yy) - xy * yx, 0.0)
-    if share is not None:
-        asked /= np.maximum(smooth[2], LEAST_SHARE)
-    if not asked.any():
-        return wanted
-    return np.asarray(asked.reshape(wanted.shape[0], SAMPLES, wanted.shape[1], SAMPLES).mean(axis=(1, 3)))
+    (nx, ny), samples = wanted.shape, [SAMPLES * n for n in wanted.shape]
+    in_samples = [d * (n / 2) for d, n in zip(beside, samples)]
+    passing = np.ones_like(light) if share is None else share
+    values = np.stack(_binned(sent, [*in_samples, passing], light, bins))
+    values, across = _linear(values, 2, *_between(bins[1], samples[1]))
+    per_sample = [b / n for b, n in zip(bins, samples)]
+    low, high, part = _between(bins[0], samples[0])
+    columns, asked = np.arange(samples[1]), np.empty_like(wanted)
+    for first in range(0, nx, STRIP):
+        rows = np.arange(SAMPLES * first, SAMPLES * min(first + STRIP, nx))
+        between = low[rows], high[rows], part[rows]
+        (dx, dy, passed), change = _linear(values, 1, *between)
+        xx, yx = change[:2] * per_sample[0]
+        xy, yy = _linear(across[:2], 1, *between)[0] * per_sample[1]
+        row = np.floor(dx + rows[:, None] + 0.5).astype(int) // SAMPLES
+        column = np.floor(dy + columns + 0.5).astype(int) // SAMPLES
+        on_target = (row >= 0) & (row < nx) & (column >= 0) & (column < ny)
+        arriving = on_target * wanted[np.clip(row, 0, nx - 1), np.clip(column, 0, ny - 1)]
+        arriving *= np.maximum((1 + xx) * (1 + yy) - xy * yx, 0.0)
+        arriving /= np.maximum(passed, LEAST_SHARE)
+        asked[first : first + STRIP] = arriving.reshape(-1, SAMPLES, ny, SAMPLES).mean(axis=(1, 3))
+    return asked if asked.any() else wanted
+
+
+def _between(bins: int, samples: int) -> tuple[Integers, Integers, Floats]:
+    """Return the two bins between whose middles samples lie along an axis, and how far from the first.
+
+    Beyond the outermost middles both are the outermost bin.
+    """
+    place = (np.arange(samples) + 0.5) * (bins / samples) - 0.5
+    below = np.floor(place).astype(int)
+    return np.clip(below, 0, bins - 1), np.clip(below + 1, 0, bins - 1), place - below
+
+
+def _linear(values: Floats, axis: int, low: Integers, high: Integers, part: Floats) -> tuple[Floats, Floats]:
+    """Return values between bins of an axis, as `_between` has them, and their change from bin to bin."""
+    first, last = (np.take(values, k, axis) for k in (low, high))
+    change = last - first
+    return first + part.reshape(-1, *[1] * (values.ndim - 1 - axis)) * change, change
 
 
 def _binned(
