@@ -49,7 +49,8 @@ def store_result(path, problem, lens):
     """Write a result without a solid, as a design that was not verified would."""
     path.mkdir()
     folder = ResultFolder(path)
-    writer = ResultWriter(folder, OpticalSystem(problem), lens, ())
+    writer = ResultWriter(folder, OpticalSystem(problem))
+    writer.write_design(lens, ())
     writer.finish(problem, {"ok": True, "verdict": "", "notes": []})
     return folder
 

@@ -30,29 +30,31 @@ class ResultWriter:
     folder : taken by this run.  system : of the problem with every "auto" resolved.
     """
 
-    def __init__(
-        self, folder: ResultFolder, system: OpticalSystem, lens: Lens, history: Sequence[Row]
-    ) -> None:
-        problem = system.problem
-        self._folder, self._written = folder.path, set[str]()
+    def __init__(self, folder: ResultFolder, system: OpticalSystem) -> None:
+        self._folder, self._lens, self._system = folder.path, folder.lens, system
+        self._written = set[str]()
         self._earlier = recorded(self._folder / RECORD)
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
+
+    def write_design(self, lens: Lens, history: Sequence[Row]) -> None:
+        """Write what was asked and what was found: from here on the claims speak of this run."""
+        problem = self._system.problem
         # the resolved problem with its files, so that it can be run again
         for table, _, path in data_of(problem):
             self.write(stored_name(table, path), Path(path).read_bytes())
         self.problem_text = stored_text(problem)
         self.write("problem.toml", self.problem_text.encode())
-        write_lens(lens, folder.lens)
-        self._written.add(folder.lens.name)
-        for optic, shape in system.free_others:
+        write_lens(lens, self._lens)
+        self._written.add(self._lens.name)
+        for optic, shape in self._system.free_others:
             self.write(shape_file(optic.called), json_text(lens_to_dict(shape)).encode())
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["level", "dof", "evaluation", "loss", "fit", "stage", "fresh_fit"])
         writer.writerows([r.level, r.dof, r.evaluation, r.loss, r.fit, r.stage, r.fresh_fit] for r in history)
         self.write("history.csv", text.getvalue().encode())
-        self.run = {"run_id": run_id(problem, lens, (shape for _, shape in system.free_others))}
+        self.run = {"run_id": run_id(problem, lens, (shape for _, shape in self._system.free_others))}
 
     def staged(self, name: str) -> Path:
         """Return where another process may write a solid; `place_steps` puts it into its place."""

@@ -72,9 +72,11 @@ class Written:
 def helpers(forked: bool = False) -> Iterator[tuple[HelperProcess, HelperProcess]]:
     """Yield the processes that export solids and that draw figures.  forked : as of a HelperProcess.
 
-    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
+    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.  Drawing
+    gives way to all else, since the solid is waited for first.
     """
     with process_for(SOLIDS, forked) as solids, process_for(FIGURES, forked) as drawing:
+        drawing.ask("optics.base.runtime", "give_way")
         yield solids, drawing
 
 
@@ -179,29 +181,30 @@ def write_result(
     folder : taken by this run.  solids : which exports.
     """
     system, lens = design.system, design.lens
-    writer = ResultWriter(folder, system, lens, design.history)
+    writer = ResultWriter(folder, system)
     export = _Exports(solids, system, lens, writer.staged)
+    writer.write_design(lens, design.history)
     figures.draw_lens(system, lens, design.history, stages(system.shaping, design.started_from_transport))
-    making = figures.process.ask("optics.scene.system", "manufactured", system.plain, lens)
     figures.draw_levels(system, design.levels)
     clock.lap("export")
-    measurement = design.measurement
+    measurement, metrics = design.measurement, design.metrics
     system.backend.release()
     # of an extended source it takes two seconds, and that process has nothing left to do
     reached = lens, measurement.metrics
     bound = solids.ask("optics.designing.etendue", "reached_sentences", system.plain, *reached)
+    clock.lap("measure")
     with system.backend.on_threads(usable_cores() - HELPERS):  # which are at work
-        figures.draw_light(system, lens, measurement, system.backend)
-        figures.photograph(system, lens, measurement.irradiance, system.backend)
-        metrics = design.metrics
-        clock.lap("measure")
-        product = answered(making, manufactured, system, lens)
+        product = manufactured(system, lens)  # while the solids are written
         checks = _checks(design, product, export)
         etendue = answered(bound, reached_sentences, system, *reached)
         for sentence in etendue.limits:
             design.notes(sentence)
-    writer.place_steps(export.files)
-    clock.lap("verify")
+        writer.place_steps(export.files)
+        writer.write_claims("manufacture.json", as_data(product))
+        checked = writer.write_claims("verify.json", _verification(design, checks, export))
+        clock.lap("verify")
+        figures.draw_light(system, lens, measurement, system.backend)
+        figures.photograph(system, lens, measurement.irradiance, system.backend)
     light = light_files(
         measurement.irradiance,
         measurement.target,
@@ -224,8 +227,6 @@ def write_result(
     metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
 
     verdict = judged(metrics, checks, tuple(design.notes))
-    writer.write_claims("manufacture.json", as_data(product))
-    checked = writer.write_claims("verify.json", _verification(design, checks, export))
     page = Report(
         problem=design.problem,
         metrics=metrics,

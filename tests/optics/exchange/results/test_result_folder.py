@@ -29,7 +29,8 @@ VERDICT = {"ok": True, "verdict": "fine", "notes": ["a note"]}
 def write_all(folder, problem, lens=None, figures=("figures/sag.png",), parts=()):
     """Write a result with stand-ins for the solids and for what is claimed of them."""
     system = OpticalSystem(problem)
-    writer = ResultWriter(folder, system, lens or system.lens, some_state().history)
+    writer = ResultWriter(folder, system)
+    writer.write_design(lens or system.lens, some_state().history)
     steps = "lens.step", *parts
     for name in steps:
         writer.staged(name).write_text(f"solid of {problem.title}")
@@ -245,7 +246,8 @@ def test_a_record_cannot_make_a_run_remove_other_files(folder, problem, tmp_path
 
 def test_a_name_that_no_result_has_is_not_written(folder, problem):
     system = OpticalSystem(problem)
-    writer = ResultWriter(folder, system, system.lens, ())
+    writer = ResultWriter(folder, system)
+    writer.write_design(system.lens, ())
     for name in ("../x.png", "notes.txt", "figures/other.png"):
         with pytest.raises(ValueError, match="is no file of a result"):
             writer.write(name, b"")
