@@ -109,35 +109,35 @@ def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interfa
 def compact(text: str) -> str:
     """Return OCCT's STEP text in its shortest form: the numbers keep their bits, the texts are as ISO
     10303-21 edition 3 wants them."""
-    known = _Shortest()
+    known = ShortestTexts()
 
     def shorter(token: re.Match[str]) -> str:
         whole = token[0]
         if whole[0] == "'":
             # OCCT breaks long texts into lines, which are no part of them
             return BEYOND_ASCII.sub(_encoded, whole.replace("\n", ""))
-        return "=" if whole[0] == " " else "\n" if whole[0] == "\n" else known[whole]
+        return "=" if whole[0] == " " else "\n" if whole[0] == "\n" else known[float(whole)]
 
     # nearly all of the text are points: in lists of their parts they take half the time
     parts = POINT.split(text)
-    numbers = [[*map(known.__getitem__, parts[k::5])] for k in (2, 3, 4)]
+    numbers = [[*map(known.__getitem__, map(float, parts[k::5]))] for k in (2, 3, 4)]
     points = [f"{k}=CARTESIAN_POINT('',({x},{y},{z}));\n" for k, x, y, z in zip(parts[1::5], *numbers)]
     others = [other and TOKEN.sub(shorter, other) for other in parts[::5]]
     return others[0] + "".join(map(str.__add__, points, others[1:]))
 
 
-class _Shortest(dict[str, str]):
-    """The shortest text of a real, by the text that OCCT wrote."""
+class ShortestTexts(dict[float, str]):
+    """The shortest text of a real that reads back to the same bits."""
 
-    def __missing__(self, text: str) -> str:
-        shortest = repr(float(text))
+    def __missing__(self, value: float) -> str:
+        shortest = repr(value)
         if shortest[-1] == "0" or "e" in shortest:  # few
             mantissa, _, exponent = shortest.partition("e")
             shortest = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
             shortest = "0." if shortest == "-0." else shortest
             if exponent:
                 shortest += f"{'' if '.' in shortest else '.'}E{int(exponent)}"
-        self[text] = shortest
+        self[value] = shortest
         return shortest
 
 
