@@ -85,26 +85,15 @@ def cell_bounds(graph: BSplineSurface, derivatives: tuple[Orders, ...]) -> Float
     return bounds.reshape(len(derivatives), graph.kv_u.spans, graph.kv_v.spans)
 
 
-def whole_graph(graph: Graph) -> BSplineSurface | THBSurface | tuple[BSplineSurface, ...]:
-    """Return a surface itself and patches as a tuple, which can be gone through twice; raise ValueError for
-    anything else."""
-    if isinstance(graph, BSplineSurface | THBSurface):
-        return graph
-    patches = tuple(graph) if isinstance(graph, Iterable) else (graph,)
-    for patch in patches:
-        require_type("graph", patch, BSplineSurface)
-    return patches
-
-
 def _patches(graph: Graph) -> tuple[list[BSplineSurface], float]:
     """Return the graph as B-spline patches and the rounding error of their coefficients."""
-    whole = whole_graph(graph)
-    if isinstance(whole, BSplineSurface | THBSurface):
-        patch, error = tensor_form(whole)
+    if isinstance(graph, BSplineSurface | THBSurface):
+        patch, error = tensor_form(graph)
         patches = [patch]
     else:
-        patches, error = list(whole), 0.0
+        patches, error = list(graph) if isinstance(graph, Iterable) else [graph], 0.0
     for patch in patches:
+        require_type("graph", patch, BSplineSurface)
         if patch.coefficients.ndim != 2:
             raise ValueError(
                 f"bounds need scalar coefficients, got a net of shape {patch.coefficients.shape}"

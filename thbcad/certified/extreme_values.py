@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Graph, Orders, bernstein, cell_bounds, whole_graph
+from thbcad.certified.bernstein_cells import Graph, Orders, bernstein, cell_bounds
 from thbcad.certified.parts_inside import Region
 from thbcad.certified.polynomial_cells import Cells, confined, within
 from thbcad.checks import Floats, require_number
@@ -108,9 +108,8 @@ def value_range(
 
     Raises ValueError : a graph that is not scalar, a negative order, derivatives above 1e40.
     """
-    graph = whole_graph(graph)
-    cells = within(bernstein(graph, (derivative,)), outline)
-    return minimum(graph, derivative, tolerance, outline), greatest(cells, _value, tolerance)
+    least, most = both_ends(within(bernstein(graph, (derivative,)), outline), _value, tolerance)
+    return _turned(least), most
 
 
 def greatest(
@@ -123,46 +122,85 @@ def greatest(
     The bounds differ by at most tolerance * scale, of at least 1e-7 where cells have a region, and some
     rounding, unless that needs more than 2^25 coefficients besides those given.
     """
-    require_number("tolerance", tolerance, least=0)
-    best: Best = (-np.inf, -np.inf, 0.0, 0.0)
-    closed = -np.inf
-    work = 0
-    for _ in range(MOST_STEPS):
-        kept = []
-        least = -np.inf
-        for cells in (piece.inside() for piece in pieces):
-            if not cells.box.size:
-                continue
-            assessment = assess(cells, best[0])
-            near = tolerance if cells.region is None else max(tolerance, AT_RIM)
-            best = _better(best, cells, assessment)
-            least = max(least, best[0] + near * assessment.scale + 2 * assessment.error)
-            chosen = assessment.upper > least
-            closed = max(closed, float(assessment.upper[~chosen].max(initial=-np.inf)))
-            kept.append((cells.take(chosen), assessment.upper[chosen]))
-        if not kept:
-            upper = np.empty(0)
-            break
+    search = _Search(assess, tolerance)
+    for cells in pieces:
+        search.add(cells)
+    return search.found()
+
+
+def both_ends(
+    pieces: Iterable[Cells], assess: Callable[[Cells, float], Assessment], tolerance: float
+) -> tuple[Enclosure, Enclosure]:
+    """Return `greatest` of the negated vectors and of the vectors, whose cells are made once."""
+    turned, plain = _Search(assess, tolerance), _Search(assess, tolerance)
+    for cells in pieces:
+        turned.add(cells.negated())
+        plain.add(cells)
+    return turned.found(), plain.found()
+
+
+class _Search:
+    """The search for the greatest value: the cells that may hold it, of those that were added."""
+
+    def __init__(self, assess: Callable[[Cells, float], Assessment], tolerance: float) -> None:
+        require_number("tolerance", tolerance, least=0)
+        self._assess, self._tolerance = assess, tolerance
+        self._best: Best = (-np.inf, -np.inf, 0.0, 0.0)
+        self._closed = self._least = -np.inf
+        self._kept: list[tuple[Cells, Floats]] = []
+
+    def add(self, piece: Cells) -> None:
+        """Look at cells, and keep those that may hold a greater value than is met."""
+        cells = piece.inside()
+        if not cells.box.size:
+            return
+        assessment = self._assess(cells, self._best[0])
+        near = self._tolerance if cells.region is None else max(self._tolerance, AT_RIM)
+        self._best = _better(self._best, cells, assessment)
+        self._least = max(self._least, self._best[0] + near * assessment.scale + 2 * assessment.error)
+        chosen = assessment.upper > self._least
+        self._close(assessment.upper[~chosen])
+        self._kept.append((cells.take(chosen), assessment.upper[chosen]))
+
+    def found(self) -> Enclosure:
+        """Quarter the cells that are left until the bounds are near, and return them."""
+        work, left = 0, self._left()
+        for _ in range(MOST_STEPS - 1):
+            work += 4 * (0 if left is None else left.coefficients.size)
+            if left is None or work > MOST_COEFFICIENTS:
+                break
+            self._kept, self._least = [], -np.inf
+            self.add(left.quartered())
+            left = self._left()
+        value, lower, u, v = self._best
+        upper = max((float(upper.max(initial=value)) for _, upper in self._kept), default=value)
+        return Enclosure(lower, max(self._closed, upper), value, u, v)
+
+    def _left(self) -> Cells | None:
+        """Return the cells that may still hold a greater value, if any."""
+        if not self._kept:
+            return None
         coefficients, box = (
-            np.concatenate([getattr(cells, name) for cells, _ in kept], axis=-1)
+            np.concatenate([getattr(cells, name) for cells, _ in self._kept], axis=-1)
             for name in ("coefficients", "box")
         )
-        cells = replace(kept[0][0], coefficients=coefficients, box=box)
-        upper = np.concatenate([upper for _, upper in kept])
-        chosen = upper > least
-        closed = max(closed, float(upper[~chosen].max(initial=-np.inf)))
-        cells = cells.take(chosen)
-        upper = upper[chosen]
-        work += 4 * cells.coefficients.size
-        if not len(upper) or work > MOST_COEFFICIENTS:
-            break
-        pieces = [cells.quartered()]
-    value, lower, u, v = best
-    return Enclosure(lower, max(closed, float(upper.max(initial=value))), value, u, v)
+        cells = replace(self._kept[0][0], coefficients=coefficients, box=box)
+        upper = np.concatenate([upper for _, upper in self._kept])
+        chosen = upper > self._least
+        self._close(upper[~chosen])
+        self._kept = [(cells.take(chosen), upper[chosen])]
+        return self._kept[0][0] if chosen.any() else None
+
+    def _close(self, upper: Floats) -> None:
+        self._closed = max(self._closed, float(upper.max(initial=-np.inf)))
 
 
 def _least(pieces: Iterable[Cells], tolerance: float) -> Enclosure:
-    found = greatest((cells.negated() for cells in pieces), _value, tolerance)
+    return _turned(greatest((cells.negated() for cells in pieces), _value, tolerance))
+
+
+def _turned(found: Enclosure) -> Enclosure:
+    """Return the enclosure of -x from that of x."""
     # 0.0 - x is never -0.0
     return replace(found, lower=0.0 - found.upper, upper=0.0 - found.lower, value=0.0 - found.value)
 

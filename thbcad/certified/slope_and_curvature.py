@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.certified.bernstein_cells import Graph, bernstein, whole_graph
-from thbcad.certified.extreme_values import Assessment, Enclosure, greatest, reciprocal
+from thbcad.certified.bernstein_cells import Graph, bernstein
+from thbcad.certified.extreme_values import Assessment, Enclosure, both_ends, greatest, reciprocal
 from thbcad.certified.polynomial_cells import Cells, rounding, within
 from thbcad.checks import EPS, Floats
 from thbcad.outlines import Outline
@@ -73,10 +73,8 @@ def least_radii(graph: Graph, tolerance: float = 1e-6, outline: Outline | None =
 
     Raises ValueError : degree 1, a graph that is not scalar, derivatives above 1e40.
     """
-    graph = whole_graph(graph)
-    bent, turned = (within(bernstein(graph, DERIVATIVES), outline) for _ in range(2))
-    concave = greatest(bent, _curvature, tolerance)
-    convex = greatest((cells.negated() for cells in turned), _curvature, tolerance)
+    bent = within(bernstein(graph, DERIVATIVES), outline)
+    convex, concave = both_ends(bent, _curvature, tolerance)
     return LeastRadii(reciprocal(concave), reciprocal(convex))
 
 
