@@ -23,7 +23,7 @@ INTRODUCTION = """\
 Lenses that the program designs, with their light and the commands that make them. Each comes from one short
 problem file. `make gallery` designs all of them, and writes this page and its pictures.
 
-- The time is that of the whole command, from its start to the verified STEP file, on the machine that
+- The time is that of the whole command, from its start to its report, on the machine that
   [benchmarks](benchmarks.md#gallery) names.
 - The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.

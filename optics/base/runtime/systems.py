@@ -147,7 +147,7 @@ def background_process(
 
 def give_way() -> None:
     """Let other processes go first: where cores lack, this one gets a tenth of what another gets."""
-    if POSIX and sys.platform != "win32":
+    if sys.platform != "win32":
         os.setpriority(os.PRIO_PROCESS, 0, max(LOWER, os.getpriority(os.PRIO_PROCESS, 0)))
     else:
         import psutil  # which Windows needs for it

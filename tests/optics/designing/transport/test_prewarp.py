@@ -24,6 +24,16 @@ def beside(x, y):
     return 0.02 * np.cos(1.5 * x + 0.4), -0.015 * np.sin(2 * y + x)
 
 
+@pytest.mark.parametrize("rows", [1, 7, 1000])
+def test_it_does_not_depend_on_the_rows_that_are_made_at_a_time(rows, monkeypatch):
+    x, y = centres(GRID)
+    share = 0.5 + 0.4 * x * y
+    asked = [prewarped(wave(x, y), (x, y), beside(x, y), np.ones(GRID), share=share)]
+    monkeypatch.setattr("optics.designing.transport.prewarp.STRIP", rows)
+    asked.append(prewarped(wave(x, y), (x, y), beside(x, y), np.ones(GRID), share=share))
+    assert asked[0].tobytes() == asked[1].tobytes()
+
+
 def test_the_density_is_that_beyond_the_offset():
     """g(y) = T(y + d) det(1 + Dd).
 

@@ -1,8 +1,10 @@
 """A whole design from a script: shaped, measured, saved, read back, verified, shown; the same bytes again."""
 
 import json
+import os
 import subprocess
 import sys
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -64,6 +66,23 @@ def test_a_tool_is_tried_on_the_lens(done):
     design, _, _ = done
     (surface,) = design.tool(optics.ToolOrder(ball=5.0, step=0.1)).surfaces
     assert (surface.name, surface.pitch) == ("rear", 0.1)
+
+
+def test_the_solid_is_verified_before_anything_of_its_light_is_drawn(done, tmp_path, monkeypatch):
+    """A run that fails behind it leaves the solid and what is claimed of it, and no result."""
+    design, _, _ = done
+
+    def full(*_):
+        raise OSError("full")
+
+    monkeypatch.setattr("optics.interface.api.design_figures.DesignFigures.draw_light", full)
+    with pytest.raises(OSError, match="full"):
+        design.save(tmp_path)
+    claims = json.loads((tmp_path / "verify.json").read_text("utf-8"))
+    assert claims["ok"]
+    assert claims["step_sha256"] == sha256((tmp_path / "lens.step").read_bytes()).hexdigest()
+    assert not {"metrics.json", "report.html", "result.json"} & set(os.listdir(tmp_path))
+    assert not [name for name in os.listdir(tmp_path) if name.startswith(".lens.step")]
 
 
 def test_the_saved_folder_is_a_whole_result(done):

@@ -10,7 +10,8 @@ import pytest
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from tests.thbcad.cad.shapes.cases import assert_whole, rough, same_bits
-from thbcad.cad.exchange import SolidState, optical_form, part_step, read_step
+from tests.thbcad.cases import one_line
+from thbcad.cad.exchange import SolidState, long_surfaces, optical_form, part_step, read_step, step_bytes
 from thbcad.cad.shapes import moulded_part
 from thbcad.io import brep_of_text, volume
 from thbcad.lens import FreeformSurface, Lens, Product, optical_forms
@@ -67,6 +68,13 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
     assert_whole(SolidState(part.solid), body.face_count)
     for face, form in zip(part.faces, optical_forms(body.lens)):
         assert same_bits(optical_form(face), form)
+
+
+@pytest.mark.every(4)
+def test_long_surfaces_make_the_same_file(moulded, monkeypatch):
+    body, _, file = moulded
+    monkeypatch.setattr(long_surfaces, "MANY", 3)
+    assert one_line(step_bytes(body, Product())) == one_line(file)
 
 
 @pytest.mark.every(4)
