@@ -20,8 +20,8 @@ ACROSS = 5  # pictures of the contact sheet in a row
 INTRODUCTION = """\
 # Gallery
 
-Lenses that the program designs, with their light and the commands that make them. Each comes from one short
-problem file. `make gallery` designs all of them, and writes this page and its pictures.
+Lenses with their light and the commands that make them, each from one short problem file. `make gallery`
+designs all, and writes this page.
 
 - The time is that of the whole command, from its start to its report, on the machine that
   [benchmarks](benchmarks.md#gallery) names.
@@ -30,7 +30,7 @@ problem file. `make gallery` designs all of them, and writes this page and its p
 - U0 is the least over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
-- Long distances are drawn shorter than they are, and the relief of finely shaped surfaces steeper than it is.
+- Long distances are drawn shorter than they are, fine relief steeper.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact

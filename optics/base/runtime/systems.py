@@ -26,7 +26,6 @@ except ImportError:  # Windows
 else:
     POSIX = True
 
-LOWER = 10  # as the command `nice` lowers a priority
 pipe_end = getattr(connection, "PipeConnection", connection.Connection)  # of a handle; the first on Windows
 
 
@@ -143,16 +142,6 @@ def background_process(
     nowhere = subprocess.DEVNULL
     words = [*command, *map(str, handles)]
     return subprocess.Popen(words, env=environment, stdin=nowhere, stdout=nowhere, **options)
-
-
-def give_way() -> None:
-    """Let other processes go first: where cores lack, this one gets a tenth of what another gets."""
-    if sys.platform != "win32":
-        os.setpriority(os.PRIO_PROCESS, 0, max(LOWER, os.getpriority(os.PRIO_PROCESS, 0)))
-    else:
-        import psutil  # which Windows needs for it
-
-        psutil.Process().nice(psutil.BELOW_NORMAL_PRIORITY_CLASS)
 
 
 def forks_safely() -> bool:

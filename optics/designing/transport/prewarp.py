@@ -49,7 +49,7 @@ def prewarped(
     values, across = _linear(values, 2, *_between(bins[1], samples[1]))
     per_sample = [b / n for b, n in zip(bins, samples)]
     low, high, part = _between(bins[0], samples[0])
-    columns, asked = np.arange(samples[1]), np.empty_like(wanted)
+    columns, asked = np.arange(samples[1]), np.empty(wanted.shape)
     for first in range(0, nx, STRIP):
         rows = np.arange(SAMPLES * first, SAMPLES * min(first + STRIP, nx))
         between = low[rows], high[rows], part[rows]

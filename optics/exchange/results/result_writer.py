@@ -25,7 +25,7 @@ SCHEMA, VERSION = "thbcad-result", 1
 
 
 class ResultWriter:
-    """The files of one run.
+    """The files of one run; `run` and `problem_text` are there behind `write_design`.
 
     folder : taken by this run.  system : of the problem with every "auto" resolved.
     """

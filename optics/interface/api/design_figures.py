@@ -30,15 +30,24 @@ class DesignFigures:
         self._sides = optic.face_name("front"), optic.face_name("rear")
 
     def draw_lens(
-        self, system: OpticalSystem, lens: Lens, history: Sequence[Row], plan: Sequence[Stage]
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        history: Sequence[Row],
+        plan: Sequence[Stage],
+        levels: Sequence[LevelRecord],
     ) -> None:
-        """Draw what needs no measurement."""
+        """Draw what needs no measurement of the lens, and every level that was kept."""
         others = [
             (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
             for optic, shape in system.free_others
         ]
         self._lens = self._figures("lens_figures", lens, history, plan, self._sides, others)
         self._solid = self._figures("solid_views", system.made(lens), self._sides)
+        self._levels = [
+            self._figures("level_figure", system.plain, k.name, k.lens, k.measurement, k.gradients)
+            for k in levels
+        ]
 
     def draw_light(
         self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
@@ -55,16 +64,9 @@ class DesignFigures:
         self._seen_from = "behind" if system.axial else "beside"
 
     def photograph(self, system: OpticalSystem, lens: Lens, irradiance: Floats, backend: Backend) -> None:
-        """Make the photograph, here, while other processes draw and write the solids."""
+        """Make the photograph, here, while another process draws."""
         sight = elements_sight(system, lens, backend)
         self._photo = photo_caption(system, lens), photograph(system, lens, irradiance, sight)
-
-    def draw_levels(self, system: OpticalSystem, levels: Sequence[LevelRecord]) -> None:
-        """Draw every level that was kept."""
-        plain = system.plain
-        self._levels = [
-            self._figures("level_figure", plain, k.name, k.lens, k.measurement, k.gradients) for k in levels
-        ]
 
     def _figures(self, function: str, *arguments: object) -> Future[Any]:
         """Ask the process for what a function of the figures returns."""

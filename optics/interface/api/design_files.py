@@ -72,11 +72,9 @@ class Written:
 def helpers(forked: bool = False) -> Iterator[tuple[HelperProcess, HelperProcess]]:
     """Yield the processes that export solids and that draw figures.  forked : as of a HelperProcess.
 
-    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.  Drawing
-    gives way to all else, since the solid is waited for first.
+    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
     """
     with process_for(SOLIDS, forked) as solids, process_for(FIGURES, forked) as drawing:
-        drawing.ask("optics.base.runtime", "give_way")
         yield solids, drawing
 
 
@@ -184,8 +182,11 @@ def write_result(
     writer = ResultWriter(folder, system)
     export = _Exports(solids, system, lens, writer.staged)
     writer.write_design(lens, design.history)
-    figures.draw_lens(system, lens, design.history, stages(system.shaping, design.started_from_transport))
-    figures.draw_levels(system, design.levels)
+    plan = stages(system.shaping, design.started_from_transport)
+    draw_lens = partial(figures.draw_lens, system, lens, design.history, plan, design.levels)
+    cores_to_spare = usable_cores() > HELPERS  # else drawing would keep the solid waiting
+    if cores_to_spare:
+        draw_lens()
     clock.lap("export")
     measurement, metrics = design.measurement, design.metrics
     system.backend.release()
@@ -203,6 +204,8 @@ def write_result(
         writer.write_claims("manufacture.json", as_data(product))
         checked = writer.write_claims("verify.json", _verification(design, checks, export))
         clock.lap("verify")
+        if not cores_to_spare:
+            draw_lens()
         figures.draw_light(system, lens, measurement, system.backend)
         figures.photograph(system, lens, measurement.irradiance, system.backend)
     light = light_files(

@@ -38,7 +38,10 @@ SETTINGS = {
     "xstep.cascade.unit": "MM",
 }
 REAL = r"-?\d+\.\d*(?:E[+-]\d+)?"
-POINT = re.compile(r"(#\d++) = CARTESIAN_POINT\(''\s*+,\s*+\(([^(),']*+),([^(),']*+),([^(),']*+)\)\s*+\);\n")
+NUMBER = r"([^(),']*+)"
+POINT = re.compile(
+    rf"^(#\d++) = CARTESIAN_POINT\(''\s*+,\s*+\({NUMBER},{NUMBER},{NUMBER}\)\s*+\);\n", re.MULTILINE
+)
 STRING = r"'(?:[^']|'')*'"
 # a text, a number, the blanks that begin a line or stand round "="
 TOKEN = re.compile(rf"{STRING}|{REAL}|\n +| = ")
@@ -127,7 +130,7 @@ def compact(text: str) -> str:
 
 
 class ShortestTexts(dict[float, str]):
-    """The shortest text of a real that reads back to the same bits."""
+    """The shortest text of a real that reads back to the same bits, but for -0.0, which is 0."""
 
     def __missing__(self, value: float) -> str:
         shortest = repr(value)

@@ -51,8 +51,8 @@ def step_bytes(solid: Made, product: Product | None = None, schema: str = "AP242
     """
     part = part_of(solid)
     surfaces = shortened(part)
-    text = part_step(part, product_of(solid, product), schema).decode("ascii")
-    return with_whole(text, surfaces).encode("ascii")
+    file = part_step(part, product_of(solid, product), schema)
+    return with_whole(file.decode("ascii"), surfaces).encode("ascii") if surfaces else file
 
 
 def part_of(solid: Made) -> Part:

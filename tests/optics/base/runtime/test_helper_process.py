@@ -83,16 +83,6 @@ def test_its_peak_memory_is_not_that_of_the_process_that_started_it():
     assert len(held) / 1e6 > 2 * float(done.stdout) > 10
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has classes of priority")
-def test_one_that_gives_way_does_so_once_however_often_it_is_asked(process):
-    ask = process.ask
-    before = ask("os", "getpriority", os.PRIO_PROCESS, 0).result()
-    for _ in range(2):
-        ask("optics.base.runtime", "give_way").result()
-        assert ask("os", "getpriority", os.PRIO_PROCESS, 0).result() == max(before, 10)
-    assert os.getpriority(os.PRIO_PROCESS, 0) == before
-
-
 def test_what_has_not_begun_is_done_here(process):
     first, second = process.ask("time", "sleep", 0.5), process.ask("os", "getpid")
     assert answered(second, os.getpid) == os.getpid()

@@ -9,6 +9,9 @@ from thbcad.cad.exchange.step import part_of, part_step, product_of, read_step, 
 from thbcad.io import parse_brep
 
 REFERRING = Product("lens '#12' = (#13); CARTESIAN_POINT('',(1.,2.,3.))", author="#4", material="glass #5")
+FEIGNING = Product(
+    "#9=CARTESIAN_POINT(',(1000000000.,", material="#9 = CARTESIAN_POINT(',(1.,2.,3.));", density=2.5
+)
 
 
 @pytest.fixture
@@ -26,13 +29,29 @@ def count(monkeypatch):
     return counts
 
 
-@pytest.mark.parametrize("product", [Product(), REFERRING], ids=["plain", "referring"])
+@pytest.mark.parametrize("schema", ["AP242", "AP214"])
+@pytest.mark.parametrize("product", [Product(), REFERRING, FEIGNING], ids=["plain", "referring", "feigning"])
 @pytest.mark.parametrize("name", LENSES)
-def test_the_file_is_that_of_the_whole_surfaces(name, product, count):
+def test_the_file_is_that_of_the_whole_surfaces(name, product, schema, count):
     lens = LENSES[name]
-    whole = part_step(part_of(lens), product_of(lens, product))
-    assert one_line(step_bytes(lens, product)) == one_line(whole)
+    whole = part_step(part_of(lens), product_of(lens, product), schema)
+    assert one_line(step_bytes(lens, product, schema)) == one_line(whole)
     assert len(count) == whole.count(b"=B_SPLINE_SURFACE_WITH_KNOTS")
+
+
+def test_short_surfaces_stay_beside_long_ones(count, monkeypatch):
+    lens = LENSES["ruled"]
+    monkeypatch.setattr(long_surfaces, "MANY", 2 * 16)  # walls have so many poles
+    whole = part_step(part_of(lens), product_of(lens, None))
+    assert one_line(step_bytes(lens)) == one_line(whole)
+    assert len(count) == 1 < whole.count(b"=B_SPLINE_SURFACE_WITH_KNOTS")
+
+
+def test_what_occt_leaves_out_or_writes_twice_is_an_error():
+    lens = LENSES["freeform"]
+    text = step_bytes(lens).decode("ascii")
+    with pytest.raises(RuntimeError, match="OCCT wrote 0 surfaces for one"):
+        long_surfaces.with_whole(text, [lens.graphs()[1]])
 
 
 @pytest.mark.parametrize("name", LENSES)

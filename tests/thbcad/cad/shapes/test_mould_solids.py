@@ -18,6 +18,7 @@ from thbcad.lens import FreeformSurface, Lens, Product, optical_forms
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
+from thbcad.splines import BSplineSurface
 
 build123d = pytest.importorskip("build123d")
 
@@ -72,9 +73,11 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
 
 @pytest.mark.every(4)
 def test_long_surfaces_make_the_same_file(moulded, monkeypatch):
-    body, _, file = moulded
+    body, part, file = moulded
     monkeypatch.setattr(long_surfaces, "MANY", 3)
     assert one_line(step_bytes(body, Product())) == one_line(file)
+    splines = [form for form in map(optical_form, part.faces[:2]) if isinstance(form, BSplineSurface)]
+    assert len(long_surfaces.shortened(moulded_part(body))) == len(splines)
 
 
 @pytest.mark.every(4)
