@@ -8,11 +8,12 @@ import sys
 import webbrowser
 from argparse import Namespace
 from collections.abc import Sequence
-from contextlib import ExitStack
+from concurrent.futures import Future
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import HelperProcess, ProcessEnded, UserError, check_lines, note, reading
 from optics.designing.optimisation import Row, State, earlier_state
@@ -193,9 +194,14 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
 
 
 def _load(solids: HelperProcess, drawing: HelperProcess) -> None:
-    """Let the helper processes load their packages, while this one has other work."""
-    solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
-    drawing.ask("optics.base.runtime", "load", "optics.reporting.figures", "solid_views")
+    """Let the helper processes load their packages one after the other, while this one has other work."""
+
+    def load_next(_: Future[Any]) -> None:
+        with suppress(RuntimeError):  # the process was stopped meanwhile
+            drawing.ask("optics.base.runtime", "load", "optics.reporting.figures", "solid_views")
+
+    loaded = solids.ask("optics.base.runtime", "load", "optics.exchange.verification", "export_step")
+    loaded.add_done_callback(load_next)
 
 
 def show_in_browser(page: Path) -> None:
