@@ -63,9 +63,11 @@ def rows() -> list[Row]:
         ),
         "verify": (_seconds(lambda: list(map(float, numbers))), f"{len(numbers)} numbers from text"),
     }
-    out = [Row("pearl", median(sum(run.values()) for run in runs), "s")]
     until = [sum(run.values()) - run["figures"] for run in runs]
-    out.append(Row("pearl: to the verified STEP", median(until), "s"))
+    out = [
+        Row("pearl: to the verified STEP", median(until), "s"),
+        Row("pearl", median(sum(run.values()) for run in runs), "s"),
+    ]
     for name in runs[0]:
         out.append(Row(f"  {name}", median(run[name] for run in runs), "s"))
         if name in least:
