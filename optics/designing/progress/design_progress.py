@@ -92,7 +92,7 @@ class Size:
     def later(self, dof: float) -> list[Phase]:
         """Return the phases behind the last stage, of a lens with so many degrees of freedom.
 
-        Most figures are drawn by another process, which begins with the measurement.  All phases work on one
+        As measured where another process drew most figures beside the measurement.  All phases work on one
         core, but for a measurement that traces much.
         """
         measure = 0.45 + (2.5e-5 if self.extended else 1.0e-5) * self.pixels + 2e-6 * dof

@@ -1,6 +1,6 @@
 """A design measured, checked and written as a result folder.
 
-Beside the measurement, other processes export the solid and read it back, and draw the figures.
+Beside the measurement, other processes export the solid and read it back, and draw where cores are to spare.
 """
 
 from __future__ import annotations

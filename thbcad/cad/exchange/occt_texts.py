@@ -38,13 +38,10 @@ SETTINGS = {
     "xstep.cascade.unit": "MM",
 }
 REAL = r"-?\d+\.\d*(?:E[+-]\d+)?"
-NUMBER = r"([^(),']*+)"
-POINT = re.compile(
-    rf"^(#\d++) = CARTESIAN_POINT\(''\s*+,\s*+\({NUMBER},{NUMBER},{NUMBER}\)\s*+\);\n", re.MULTILINE
-)
+POINT = rf"CARTESIAN_POINT\(''\s*,\s*\(\s*({REAL})\s*,\s*({REAL})\s*,\s*({REAL})\s*\)\s*\)"
 STRING = r"'(?:[^']|'')*'"
-# a text, a number, the blanks that begin a line or stand round "="
-TOKEN = re.compile(rf"{STRING}|{REAL}|\n +| = ")
+# a point, a text, a number, the blanks that begin a line, the blanks around "="
+TOKEN = re.compile(rf" = (?:{POINT})?|{STRING}|{REAL}|\n +")
 BEYOND_ASCII = re.compile(r"[^\x20-\x7e]+")
 
 
@@ -116,30 +113,26 @@ def compact(text: str) -> str:
 
     def shorter(token: re.Match[str]) -> str:
         whole = token[0]
+        if whole[0] == " ":
+            point = ",".join(known[float(x)] for x in token.groups() if x)
+            return f"=CARTESIAN_POINT('',({point}))" if point else "="
         if whole[0] == "'":
             # OCCT breaks long texts into lines, which are no part of them
             return BEYOND_ASCII.sub(_encoded, whole.replace("\n", ""))
-        return "=" if whole[0] == " " else "\n" if whole[0] == "\n" else known[float(whole)]
+        return "\n" if whole[0] == "\n" else known[float(whole)]
 
-    # nearly all of the text are points: in lists of their parts they take half the time
-    parts = POINT.split(text)
-    numbers = [[*map(known.__getitem__, map(float, parts[k::5]))] for k in (2, 3, 4)]
-    points = [f"{k}=CARTESIAN_POINT('',({x},{y},{z}));\n" for k, x, y, z in zip(parts[1::5], *numbers)]
-    others = [other and TOKEN.sub(shorter, other) for other in parts[::5]]
-    return others[0] + "".join(map(str.__add__, points, others[1:]))
+    return TOKEN.sub(shorter, text)
 
 
 class ShortestTexts(dict[float, str]):
     """The shortest text of a real that reads back to the same bits, but for -0.0, which is 0."""
 
     def __missing__(self, value: float) -> str:
-        shortest = repr(value)
-        if shortest[-1] == "0" or "e" in shortest:  # few
-            mantissa, _, exponent = shortest.partition("e")
-            shortest = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
-            shortest = "0." if shortest == "-0." else shortest
-            if exponent:
-                shortest += f"{'' if '.' in shortest else '.'}E{int(exponent)}"
+        mantissa, _, exponent = repr(value).partition("e")
+        shortest = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
+        shortest = "0." if shortest == "-0." else shortest
+        if exponent:
+            shortest += f"{'' if '.' in shortest else '.'}E{int(exponent)}"
         self[value] = shortest
         return shortest
 
