@@ -51,17 +51,19 @@ class HelperProcess:
     It ends when this process ends, however that ends, since its pipes close then: see `obey`.  Ctrl-C in
     a terminal does not reach it.
 
-    forked : begin with the packages that are loaded here, where that is safe; nothing else is shared.
+    forked : for one command: begin with the packages that are loaded here, where that is safe; nothing else
+        is shared.  See `done`.
     """
 
     def __init__(self, forked: bool = False) -> None:
         self._process: subprocess.Popen[bytes]
+        self._forked = forked and forks_safely()
         self._pipe, theirs = Pipe()
         alive, self._alive = Pipe(duplex=False)  # see `obey`
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
         # not before `serve` listens: Python's start would print what Ctrl-C stops
         with interrupts_held(), theirs, alive:
-            if forked and forks_safely():
+            if self._forked:
                 self._process = ForkedProcess(serve, theirs, alive)
             else:
                 self._process = background_process(
@@ -76,6 +78,13 @@ class HelperProcess:
         """
         request = ForkingPickler.dumps((module, function, arguments))
         return self._caller.submit(self._answer, f"{module}.{function}", request)
+
+    def done(self) -> None:
+        """End a forked process once it has answered, for its memory; another one waits to be asked again."""
+        if self._forked:
+            for work in [work for work, kept in _KEPT.items() if kept is self]:
+                del _KEPT[work]
+            self._caller.submit(self._alive.close)
 
     def stop(self) -> None:
         """End the process as Ctrl-C does, so that no half of a file is left, or else without asking.

@@ -103,7 +103,7 @@ class LimitKeeper:
         shape, coefficients = search.objective.shape, _coefficients(search.sags)
         if shape is None or not shape.exceeded(coefficients):
             return search
-        search = search.preconditioned(coefficients, log)
+        search = search.preconditioned()
         sags, keys, cut_off = self._start(shape.with_rooms({}), search.variables)
         missing, moved = (search.objective(c).loss for c in (coefficients, _coefficients(sags)))
         log.evaluations += 2

@@ -35,7 +35,7 @@ from optics.designing.optimisation.level_objective import (
     stage_objective,
 )
 from optics.designing.optimisation.limit_keeper import LimitKeeper
-from optics.designing.optimisation.stage_plan import Stage, stages
+from optics.designing.optimisation.stage_plan import PROBES, Stage, stages
 from optics.designing.optimisation.stage_search import Interrupted, Log, Search, minimised
 from optics.designing.optimisation.state import Row, State
 from optics.designing.penalties import limited_metrics
@@ -231,8 +231,14 @@ class _Run:
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         objective = of_stage(stage, background=task.background)
         rough = objective if stage.roughly is stage else of_stage(stage.roughly)
-        search = Search(system.problem, objective, variables, state.sags, rough)
+        start = [sag.coefficients for sag in state.sags]
+        curvature = rough.curvature(start, PROBES, system.problem.run.seed)
+        if last:  # more rays than all before need the memory that these had
+            del rough
+            self.backend.release()
+        search = Search(system.problem, objective, variables, state.sags, curvature)
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
+        log.evaluations += PROBES
         try:
             keeper = LimitKeeper(system, task.lens, listener.note)
             if last:

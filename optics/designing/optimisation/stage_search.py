@@ -12,7 +12,7 @@ from optics.base.optimisers import LBFGS, Adam
 from optics.base.runtime import NumericalError
 from optics.designing.optimisation.bounded_variables import BoundedVariables
 from optics.designing.optimisation.objective import Evaluation, Objective
-from optics.designing.optimisation.stage_plan import PROBES, Stage
+from optics.designing.optimisation.stage_plan import Stage
 from optics.designing.optimisation.state import Row, State
 from optics.designing.penalties import ShapePenalty
 from optics.scene.problem import Problem
@@ -71,22 +71,20 @@ class Search:
     """What is lowered, and where it begins.
 
     sags : the start.  variables : around it.
-    rough : an objective that tells the curvature of the fit.
-    scaled : the variables are scaled by it.
+    curvature : of the fit there, as of `Objective.curvature`; None where the variables are scaled by it.
     """
 
     problem: Problem
     objective: Objective
     variables: BoundedVariables
     sags: tuple[THBSurface, ...]
-    rough: Objective
-    scaled: bool = False
+    curvature: Sequence[Sequence[Floats]] | None
 
-    def preconditioned(self, coefficients: Sequence[Floats], log: Log) -> Search:
-        """Return the search with variables scaled by the fit's curvature at coefficients."""
-        vectors = self.rough.curvature(coefficients, PROBES, self.problem.run.seed)
-        log.evaluations += PROBES
-        return replace(self, variables=self.variables.preconditioned(vectors), scaled=True)
+    def preconditioned(self) -> Search:
+        """Return the search with variables scaled by the fit's curvature."""
+        if self.curvature is None:
+            return self
+        return replace(self, variables=self.variables.preconditioned(self.curvature), curvature=None)
 
     def begun_again(self, sags: Sequence[THBSurface], shape: ShapePenalty | None) -> Search:
         """Return the search from other sags, with another penalty on the shape."""
@@ -147,8 +145,8 @@ def minimised(search: Search, iterations: int, log: Log) -> Found:
 
     try:
         first = evaluated(search.variables.coefficients(search.variables.zeros())[0])
-        if not search.scaled and 2 * (first.fit**2 + first.zones) > first.loss:
-            search = search.preconditioned(best.coefficients, log)
+        if 2 * (first.fit**2 + first.zones) > first.loss:
+            search = search.preconditioned()
         method = Adam(options.step) if options.method == "adam" else LBFGS(options.memory)
         steps = method.run(by_weights, search.variables.zeros(), iterations, after_step)
     except KeyboardInterrupt:

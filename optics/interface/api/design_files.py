@@ -54,6 +54,7 @@ from thbcad.lens import Lens, Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 HELPERS = 2
+PEAK = "optics.base.runtime", "peak_mb"  # asked of a process
 SHADE = "bodies that shade each other: the independent trace of the file lets its light pass them"
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
@@ -204,6 +205,8 @@ def write_result(
         writer.write_claims("manufacture.json", as_data(product))
         checked = writer.write_claims("verify.json", _verification(design, checks, export))
         clock.lap("verify")
+        solids_peak = solids.ask(*PEAK)
+        solids.done()
         if not cores_to_spare:
             draw_lens()
         figures.draw_light(system, lens, measurement, system.backend)
@@ -224,10 +227,8 @@ def write_result(
         for name, data in zip(names, (*level_contents(level), png)):
             writer.write(name, data)
     clock.lap("figures")
-    peak = peak_mb() + sum(
-        p.ask("optics.base.runtime", "peak_mb").result() for p in (solids, figures.process)
-    )
-    metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak}
+    peaks = [solids_peak.result(), figures.process.ask(*PEAK).result()]
+    metrics |= {"wall_s": dict(clock.total()), "peak_mb": peak_mb() + sum(peaks)}
 
     verdict = judged(metrics, checks, tuple(design.notes))
     page = Report(

@@ -74,7 +74,7 @@ def signed_area(corners: Sequence[Point]) -> DrArray:
 class CutCells:
     """Some cells of a grid, by their numbers.
 
-    shares : of all cells, an eighth of their flux per area of a pixel.  flux : half of that of these cells.
+    shares : of all cells, an eighth of their flux per area of a pixel.
     whole : of these cells, bits that say which triangles lie in one pixel: 1 for the first, 2 for the second.
     """
 
@@ -86,13 +86,13 @@ class CutCells:
         cells: DrArray,
         corners: Corners,
         shares: DrArray,
-        flux: DrArray,
         whole: DrArray,
     ) -> None:
         self._dr, self._Float, self._Pair = backend.dr, backend.Float, backend.Pair
-        self._grid, self._lines, self._cells, self._flux = grid, lines, cells, flux
+        self._grid, self._lines, self._cells = grid, lines, cells
         self._points = self._at_corners(corners.a, corners.b)
         self._share = grid.at(shares, cells)
+        self._flux = self._share * sum(grid.of_corners(corners.passing, cells))
         self._triangles = [self._triangle(k, (whole & (k + 1)) == 0) for k in (0, 1)]
         self._sides = [self._side(*side) for side in SIDES]
 

@@ -28,7 +28,7 @@ Source of the running sums: R. Levien, Inside the fastest font renderer in the w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -51,13 +51,11 @@ class Places:
     """Where cells lie.
 
     code : of every cell, as of `WholeCells`.
-    flux : half of that of every cell.
     corner : the numbers of cells with other triangles, which lie around a corner between four pixels.
     cut : the numbers of the cells that may meet pixels with any other triangle.
     """
 
     code: DrArray
-    flux: DrArray
     corner: DrArray
     cut: DrArray
 
@@ -125,8 +123,8 @@ class MappedCells:
         dr, pixels, cells = self._backend.dr, self._lines.pixels(self._light), self._cells(corners)
         code, corner, cut = sorted_cells(dr, self._lines, cells)
         WholeCells(dr, self._lines, cells, code).add(pixels)
-        dr.eval(pixels.whole, code, cells.flux, corner, cut)
-        places = Places(code, cells.flux, dr.compress(corner), dr.compress(cut))
+        dr.eval(pixels.whole, code, corner, cut)
+        places = Places(code, dr.compress(corner), dr.compress(cut))
         if dr.width(places.corner):
             CornerCells(*self._some(corners, places, places.corner)).add(pixels)
         image = self._lines.light(pixels)
@@ -137,19 +135,11 @@ class MappedCells:
     def adjoint(self, corners: Corners, places: Places, g: DrArray) -> tuple[DrArray, DrArray, DrArray]:
         """Return the derivatives by a, b and the corners' flux of the sum of g times the image."""
         dr, weights = self._backend.dr, self._lines.integrated(g)
-        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
-        means, slopes = whole.pull_back(weights[0])
-        every = dr.arange(self._backend.Index, self._grid.size)
-        slopes = self._grid.turned(slopes, every)
-        parts, by_corners = means * self._shares, dr.zeros(self._double.Float, 2 * self._grid.size)
-        dr.eval(parts, slopes)
+        parts, by_corners = self._of_whole_cells(corners, places, weights[0])
         for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
             if dr.width(cells):
                 kind(*self._some(corners, places, cells)).pull_back(weights, parts, by_corners)
-        by_a, by_b = dr.gather(self._double.Pair, by_corners, every)
-        for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
-            by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)
-            by_b = by_b + dr.select((code & ALONG_B) > 0, slope, 0.0)
+        by_a, by_b = dr.gather(self._double.Pair, by_corners, dr.arange(self._backend.Index, self._grid.size))
         return by_a, by_b, self._inverse * sum(self._grid.around_corners(*[parts] * 4))
 
     def tangent(self, corners: Corners, places: Places, da: DrArray, db: DrArray, change: DrArray) -> DrArray:
@@ -160,12 +150,30 @@ class MappedCells:
         dr, passing = self._backend.dr, change * self._inverse
         dr.eval(passing)
         moves = self._cells(Corners(da, db, passing))
-        whole = WholeCells(dr, self._lines, replace(self._cells(corners), flux=places.flux), places.code)
+        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
         image = whole.swept(self._lines, moves)
         for kind, cells in ((CornerCells, places.corner), (CutCells, places.cut)):
             if dr.width(cells):
                 image = image + kind(*self._some(corners, places, cells)).swept(da, db, passing)
         return image
+
+    def _of_whole_cells(self, corners: Corners, places: Places, values: DrArray) -> tuple[DrArray, DrArray]:
+        """Return what `CutCells.pull_back` adds to, as the other cells have it.
+
+        values : g, as `PixelLines.integrated`.
+        """
+        dr = self._backend.dr
+        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
+        means, slopes = whole.pull_back(values)
+        slopes = self._grid.turned(slopes, dr.arange(self._backend.Index, self._grid.size))
+        parts, by_a, by_b = means * self._shares, self._double.Float(0), self._double.Float(0)
+        dr.eval(parts, slopes)
+        for slope, code in zip(*(self._grid.around_corners(*v) for v in (slopes, [places.code] * 4))):
+            by_a = by_a + dr.select((code & ALONG_A) > 0, slope, 0.0)
+            by_b = by_b + dr.select((code & ALONG_B) > 0, slope, 0.0)
+        by_corners = dr.ravel(self._double.Pair(by_a, by_b))
+        dr.eval(by_corners)  # instead of four slopes, whose memory others need
+        return parts, by_corners
 
     def _cells(self, corners: Corners) -> CellCorners:
         """Return the corners of all cells."""
@@ -178,8 +186,7 @@ class MappedCells:
     def _some(self, corners: Corners, places: Places, cells: DrArray) -> tuple[Any, ...]:
         """Return the arguments of `CutCells` for some cells, by their numbers."""
         code = self._backend.dr.gather(self._backend.Index, places.code, cells)
-        flux = self._grid.at(places.flux, cells)
-        return self._double, self._grid, self._lines, cells, corners, self._shares, flux, code
+        return self._double, self._grid, self._lines, cells, corners, self._shares, code
 
 
 @cache

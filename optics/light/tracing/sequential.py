@@ -98,7 +98,6 @@ class Tracer:
             hit, blocked = through_plane(backend, self._surfaces[0], grid, path.before, self._obstructions[0])
             before = DeviceRays((second.x, second.y, 0.0), direction, self._flux)
             entering = backend.dr.select(hit, self._flux * share, 0)
-            backend.dr.make_opaque(entering)
             origin = second.x, second.y, self._ahead[0].shift[2].item()
             self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering, blocked))]
             self._behind = DeviceRays(origin, direction, entering)

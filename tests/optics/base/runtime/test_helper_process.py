@@ -395,3 +395,28 @@ def test_without_posix_a_helper_process_tidies_up_and_ends_with_the_first(tmp_pa
     first.kill()
     assert first.communicate()[1] == ""
     assert gone(pid)
+
+
+DONE = """
+import os
+from optics.base.runtime import process_for
+
+def asked(forked):
+    with process_for("test", forked) as process:
+        answers = [process.ask("os", "getpid"), process.ask("math", "factorial", 5)]
+        process.done()
+        return process, [answer.result() for answer in answers]
+
+process, (pid, factorial) = asked(True)
+assert factorial == 120  # what was asked before is answered
+assert process._process.wait(60) is not None
+kept, (other, _) = asked(True)  # there are threads now: it is not forked
+assert other != pid
+assert asked(True)[1] == [other, 120]
+assert kept._process.poll() is None
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks")
+def test_a_forked_process_that_is_done_ends_once_it_has_answered():
+    subprocess.run([sys.executable, "-c", DONE], cwd=ROOT, check=True)

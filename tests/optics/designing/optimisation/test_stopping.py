@@ -30,7 +30,7 @@ def found(small, valley, iterations):
     system, state = small.system, State(False, 0, first_sags(small.system, False))
     variables = BoundedVariables(state.sags, [f.freedom for f in system.freeforms])
     log = Log(state, SimpleNamespace(level=0), 0.0, lambda row: None)
-    result = minimised(Search(system.problem, valley, variables, state.sags, valley), iterations, log)
+    result = minimised(Search(system.problem, valley, variables, state.sags, None), iterations, log)
     return result, [row.loss for row in log.rows]
 
 

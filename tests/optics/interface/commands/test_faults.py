@@ -57,6 +57,9 @@ class Answers:
         answer.set_result(self.kept[function])
         return answer
 
+    def done(self):
+        """Nothing is asked any more."""
+
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
