@@ -51,8 +51,7 @@ def direction_of(entities: Entities, value: Value, user: Entity, dimensions: int
     if abs(math.hypot(*row) - 1) <= UNIT_LENGTH:
         return np.array(row)
     scaled = np.array(row) / max(map(abs, row))  # else squares leave the range of float64
-    unit: Floats = scaled / np.linalg.norm(scaled)
-    return unit
+    return scaled / np.linalg.norm(scaled)
 
 
 def spline_row(entity: Entity, what: str, count: int) -> list[Value]:

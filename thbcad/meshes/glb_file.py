@@ -8,6 +8,7 @@ Source: Khronos Group, glTF 2.0 specification, chapters 3 and 4.
 """
 
 import json
+import struct
 
 import numpy as np
 
@@ -69,7 +70,7 @@ def glb_bytes(mesh: Tessellation, name: str = "lens") -> bytes:
     }
     text = json.dumps(header, separators=(",", ":")).encode()
     chunks = _chunk(JSON, text, b" ") + _chunk(BINARY, binary, b"\0")
-    return b"glTF" + _number(2) + _number(12 + len(chunks)) + chunks
+    return struct.pack("<4s2I", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def _positions(positions: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> dict[str, object]:
@@ -93,8 +94,4 @@ def _material(face: str) -> dict[str, object]:
 
 def _chunk(kind: bytes, data: bytes, padding: bytes) -> bytes:
     data += padding * (-len(data) % 4)
-    return _number(len(data)) + kind + data
-
-
-def _number(value: int) -> bytes:
-    return value.to_bytes(4, "little")
+    return struct.pack("<I4s", len(data), kind) + data

@@ -1,6 +1,6 @@
 """Mounts as TOML files: every key is known, or a sentence names it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
@@ -47,12 +47,8 @@ def mount_of(data: Mapping[str, Any]) -> Mount:
         for k, row in enumerate(_tables(data, table))
     ]
     holes = [Hole(**_placed(f"holes[{k + 1}]", row, Hole)) for k, row in enumerate(_tables(data, "holes"))]
-    gate = (
-        None
-        if "gate" not in data
-        else Gate(**_table("gate", data["gate"], Gate, ("width", "length", "thickness")))
-    )
-    flange = MountFlange(**_table("flange", data["flange"], MountFlange, ("thickness",)))
+    gate = Gate(**_table("gate", data["gate"], Gate)) if "gate" in data else None
+    flange = MountFlange(**_table("flange", data["flange"], MountFlange))
     return Mount(flange, tuple(holes), tuple(posts), gate, **{key: data[key] for key in plain if key in data})
 
 
@@ -66,8 +62,7 @@ def _tables(data: Mapping[str, Any], name: str) -> list[Any]:
 def _placed(where: str, row: Any, kind: type[Hole | Post]) -> dict[str, Any]:
     """Return the fields of holes or posts, their positions among them."""
     own = [f.name for f in fields(Places)]
-    needed = ("diameter", "length") if kind is Post else ("diameter",)
-    values = _table(where, row, kind, needed, own)
+    values = _table(where, row, kind, own)
     places = Places(**{key: values.pop(key) for key in own if key in values})
     if not isinstance(places.at, list | tuple):
         raise ValueError(f"{where}.at must be pairs [x, y], got {places.at!r}")
@@ -75,16 +70,14 @@ def _placed(where: str, row: Any, kind: type[Hole | Post]) -> dict[str, Any]:
     return values | {"places": places}
 
 
-def _table(
-    where: str, row: Any, kind: type, needed: tuple[str, ...], more: list[str] | None = None
-) -> dict[str, Any]:
+def _table(where: str, row: Any, kind: type, more: Sequence[str] = ()) -> dict[str, Any]:
     if not isinstance(row, Mapping):
         raise ValueError(f"{where} must be a table, got {type(row).__name__}")
-    known = [f.name for f in fields(kind) if f.name not in ("places", "word")] + (more or [])
-    _require_known(where, row, tuple(known))
-    for key in needed:
-        if key not in row:
-            raise ValueError(f"the key {where}.{key} is missing; add it in mm")
+    own = [f for f in fields(kind) if f.name not in ("places", "word")]
+    _require_known(where, row, (*(f.name for f in own), *more))
+    for f in own:  # a number above 0 whose default is 0 has none
+        if "above" in f.metadata and f.default == 0 and f.name not in row:
+            raise ValueError(f"the key {where}.{f.name} is missing; add it in mm")
     return dict(row)
 
 

@@ -44,7 +44,8 @@ def thinned(
     net : (n_u[, n_v][, d]), one direction for each knot vector
     """
     count = len(knot_vectors)
-    scale = _power_of_two(net)
+    # the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its digits
+    scale = float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))
     table = net.reshape(len(net), -1, int(np.prod(net.shape[count:]))) / scale
     left = tolerance / scale
     vectors: list[KnotVector] = []
@@ -139,9 +140,3 @@ def _fit(kv: KnotVector, net: Net, kept: KnotVector, breaks: Floats) -> _Fit:
     d = banded_least_squares(p, kv.degree, net.reshape(kv.dim, -1))
     off = np.linalg.norm(net - (p @ d).reshape(net.shape), axis=2).max()
     return _Fit(coarser, d.reshape(-1, *net.shape[1:]), float(off))
-
-
-def _power_of_two(net: Floats) -> float:
-    """Return the power of two that makes the greatest size 1 to 2: squares of the scaled net keep its
-    digits."""
-    return float(np.ldexp(1.0, np.frexp(abs(net).max())[1] - 1))

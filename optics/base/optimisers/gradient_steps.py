@@ -31,6 +31,13 @@ class _Steps(ABC):
 
     decay = 1.0
 
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "step":
+                require_step(value)
+            else:
+                require_fraction(name, value)
+
     @abstractmethod
     def _made(self, opt: Any, tiny: float) -> Any:
         """Return the optimiser, of the module drjit.opt."""
@@ -71,10 +78,6 @@ class GradientDescent(_Steps):
     step: float
     decay: float = 1.0
 
-    def __post_init__(self) -> None:
-        require_step(self.step)
-        require_fraction("decay", self.decay)
-
     def _made(self, opt: Any, tiny: float) -> Any:
         return opt.SGD(lr=self.step)
 
@@ -91,10 +94,6 @@ class Momentum(_Steps):
 
     step: float
     mean: float = 0.9
-
-    def __post_init__(self) -> None:
-        require_step(self.step)
-        require_fraction("mean", self.mean)
 
     def _made(self, opt: Any, tiny: float) -> Any:
         rate = self.step * (1 - self.mean)  # Dr.Jit adds gradients up where the mean weighs them
@@ -116,10 +115,6 @@ class RMSProp(_Steps):
     step: float
     square: float = 0.999
 
-    def __post_init__(self) -> None:
-        require_step(self.step)
-        require_fraction("square", self.square)
-
     def _made(self, opt: Any, tiny: float) -> Any:
         return opt.RMSProp(lr=self.step, alpha=self.square, epsilon=tiny)
 
@@ -140,11 +135,6 @@ class Adam(_Steps):
     step: float = 0.01
     mean: float = 0.9
     square: float = 0.999
-
-    def __post_init__(self) -> None:
-        require_step(self.step)
-        require_fraction("mean", self.mean)
-        require_fraction("square", self.square)
 
     def _made(self, opt: Any, tiny: float) -> Any:
         return opt.Adam(lr=self.step, beta_1=self.mean, beta_2=self.square, epsilon=tiny)

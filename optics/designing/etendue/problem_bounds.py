@@ -201,9 +201,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     (notes.background if least == 0 else notes.limits).extend([first, curve_sentence(system, universal)])
     if system.source.diverging or not one_blur_tells(system):
         return notes
-    forms = [(False, FIXED_QUICK)]
-    if stretchable(system):
-        forms.insert(0, (True, SEARCH_QUICK))
+    forms = [(True, SEARCH_QUICK)] * stretchable(system) + [(False, FIXED_QUICK)]
     model = (
         f"{one_blur_sentence(system)}, {rear_area(lens):.4g} mm^2 as this lens has it; at this efficiency "
     )

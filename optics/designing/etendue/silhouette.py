@@ -62,8 +62,7 @@ def pixel_etendue(system: OpticalSystem) -> Floats:
     depth = 180 / pi if screen.angular else z - points[:, 2].max()
     # into how many parts a pixel is divided in each direction
     affordable = isqrt((POINTS if system.axial else POINTS // 4) // (screen.pixels[0] * screen.pixels[1]))
-    wanted = ceil(min(max(screen.pitch) / (PART * depth), affordable)) if depth > 0 else 1
-    parts = max(1, wanted)
+    parts = max(1, ceil(min(max(screen.pitch) / (PART * depth), affordable))) if depth > 0 else 1
     fine = screen.finer(parts)
     if screen.angular:
         part = _shadow(fine, points) * _solid_angle(fine)

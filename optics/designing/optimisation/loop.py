@@ -230,11 +230,11 @@ class _Run:
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         objective = of_stage(stage, background=task.background)
-        rough = objective if stage.roughly is stage else of_stage(stage.roughly)
         start = [sag.coefficients for sag in state.sags]
-        curvature = rough.curvature(start, PROBES, system.problem.run.seed)
+        curvature = (objective if stage.roughly is stage else of_stage(stage.roughly)).curvature(
+            start, PROBES, system.problem.run.seed
+        )
         if last:  # more rays than all before need the memory that these had
-            del rough
             self.backend.release()
         search = Search(system.problem, objective, variables, state.sags, curvature)
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))

@@ -136,10 +136,8 @@ def height_limits(
 ) -> list[Excess]:
     """Return the excesses of every limit of heights that is set; density, made : as of `Part`."""
     found: list[Excess] = []
-    least = {"thickness": limits.thickness, "edge_thickness": limits.edge_thickness}
-    least["centre_thickness"] = limits.centre_thickness
-    for key, limit in least.items():
-        if limit:
+    for key in ("thickness", "edge_thickness", "centre_thickness"):
+        if limit := getattr(limits, key):
             found += [gap.scaled(-1 / limit, 1.0, key) for gap in _gaps(lens, key, fine)]
     most = limits.greatest_thickness
     if isfinite(most):

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, inf, isinf, sqrt
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -25,7 +25,7 @@ from optics.designing.prediction.freedom_note import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart, least_auto
 from optics.scene.keys import AUTO
-from optics.scene.problem import FINEST_AUTO, Freeform, Front, MirrorElement, Problem, Rear, base_of
+from optics.scene.problem import FINEST_AUTO, Front, MirrorElement, Problem, Rear, base_of
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, seen_functions
@@ -87,16 +87,9 @@ def _with_levels(system: OpticalSystem, level: int) -> OpticalSystem:
     """Return the system with a level where it is left to the program."""
     problem = system.problem
     for spec in problem.free_optics:
-        front = replace(spec.front, freeform=_with_level(spec.front.freeform, level))
-        rear = replace(spec.rear, freeform=_with_level(spec.rear.freeform, level))
+        front, rear = _numbered(spec.front, "max_level", level), _numbered(spec.rear, "max_level", level)
         problem = problem.with_optic(spec, front=front, rear=rear)
     return replace(system, problem=problem)
-
-
-def _with_level(freeform: Freeform | None, level: int) -> Freeform | None:
-    if freeform is None or freeform.max_level != AUTO:
-        return freeform
-    return replace(freeform, max_level=level)
 
 
 def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
@@ -202,8 +195,8 @@ def _with_numbers(problem: Problem, base: tuple[float, float], freedom: float) -
     if isinstance(spec, MirrorElement):
         front, rear = base, base_of(spec.rear)
     return problem.with_optic(
-        front=replace(_numbered(spec.front, freedom), radius=front[0], conic=front[1]),
-        rear=replace(_numbered(spec.rear, freedom), radius=rear[0], conic=rear[1]),
+        front=replace(_numbered(spec.front, "z_freedom", freedom), radius=front[0], conic=front[1]),
+        rear=replace(_numbered(spec.rear, "z_freedom", freedom), radius=rear[0], conic=rear[1]),
     )
 
 
@@ -213,8 +206,8 @@ def _based(problem: Problem) -> Front | Rear:
     return optic.front if isinstance(optic, MirrorElement) else optic.rear
 
 
-def _numbered(surface: Surface, freedom: float) -> Surface:
-    """Return a surface with a number for the bound of its sag."""
-    if surface.freeform is None or surface.freeform.z_freedom != AUTO:
+def _numbered(surface: Surface, key: str, number: Any) -> Surface:
+    """Return a surface with a number for a key of its spline that is left to the program."""
+    if surface.freeform is None or getattr(surface.freeform, key) != AUTO:
         return surface
-    return replace(surface, freeform=replace(surface.freeform, z_freedom=freedom))
+    return replace(surface, freeform=replace(surface.freeform, **{key: number}))

@@ -24,8 +24,8 @@ IN_PLATE = 1.2  # s more for each lens of a plate, through which the crosstalk i
 SEARCHED, BOTH_FREE = 2.33, 2.95  # times RAY, where rays are searched for; through two free surfaces
 DRAWN = 0.55  # times that, in single precision
 # the peaks of overview.json and of the twenty pictures within 1.2 times
-BASE_MB = 930.0
-BYTES = 365  # per ray
+BASE_MB = 870.0
+BYTES = 260  # per ray
 CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
 
@@ -45,19 +45,16 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     more = (MAPPED if system.by_edges else 0.0) + (BLURRED if system.blurred or system.displaced else 0.0)
     if system.problem.optic.array is not None:
         more += IN_PLATE * system.problem.optic.array.count
-
-    def bytes_of(stage: Stage, rays: float) -> float:
-        return rays * (CELL_BYTES if stage.exact and not system.parallel else BYTES)
-
-    memory = BASE_MB + max((bytes_of(s, n) for s, n in rays), default=0.0) / 1e6
+    held = (n * (CELL_BYTES if s.exact and not system.parallel else BYTES) for s, n in rays)
+    memory = BASE_MB + max(held, default=0.0) / 1e6
     return START + more + RAY * kind * work + FUNCTION * functions, memory
 
 
 def _rays(system: OpticalSystem, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:
     """Return the stages that optimise, and the rays that one evaluation traces: a mirror image needs none."""
     halves = 2 ** len(symmetry_axes(system))
-
-    def traced(stage: Stage) -> float:
-        return stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1)
-
-    return [(stage, traced(stage)) for stage in plan if stage.iterations]
+    return [
+        (stage, stage.rays[0] * stage.rays[1] / (halves if stage.exact or system.source.extended else 1))
+        for stage in plan
+        if stage.iterations
+    ]

@@ -109,8 +109,7 @@ def expected(
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     mapped = first is not None and (start.traced is None or start.within(start.traced))
     from_transport = mapped and first is not None and start.follows(first)
-    traced = system.shaping
-    plan = stages(traced, from_transport)
+    plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
     flux = system.problem.flux

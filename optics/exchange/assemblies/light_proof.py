@@ -22,7 +22,6 @@ from optics.exchange.assemblies.light_samples import (
 from optics.scene.system import OpticalSystem
 from thbcad.cad.exchange import SolidState, face_triangles, faces_of
 from thbcad.cad.parts import (
-    PlacedLens,
     edges_within,
     faces_within,
     inner_wires,
@@ -57,10 +56,6 @@ class PartLight:
     optical: tuple[int, int]
     lens: Lens
     system: OpticalSystem | None
-
-    @classmethod
-    def of(cls, placed: PlacedLens, lens: Lens, system: OpticalSystem | None) -> PartLight:
-        return cls(placed.in_lens_frame(), placed.numbers, lens, system)
 
     @cached_property
     def faces(self) -> list[Face]:

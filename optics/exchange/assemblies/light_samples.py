@@ -163,11 +163,8 @@ def edge_triangles(lens: Lens) -> Floats:
     have one size: then no path from the one to the other meets them."""
     if lens.front.half_width == lens.rear.half_width:
         return np.empty((0, 3, 3))
-    t, one = np.linspace(-1, 1, RULINGS), np.ones(RULINGS)
-    around = [(t, -one), (one, t), (-t, one), (-one, -t)]
     unit = lens.rear.outline.scaled((1.0, 1.0))
-    if not unit.is_rectangle:
-        around = [piece(np.linspace(*piece.ends, RULINGS)) for piece in unit.pieces]
+    around = [piece(np.linspace(*piece.ends, RULINGS)) for piece in unit.pieces]
     rims = []
     for _, surface, vertex in lens.faces:
         x, y = np.concatenate(around, axis=1) * np.array(surface.half_width)[:, None]

@@ -153,7 +153,7 @@ def part_checks(
             Check(f"area of the {name} that the part covers or cuts, relative", value, AREA, "")
             for name, value in off.items()
         ]
-    part = PartLight.of(placed, lens, system)
+    part = PartLight(placed.in_lens_frame(), placed.numbers, lens, system)
     of_light, words = light_checks(part, unknown)
     return [*checks, *of_light, *landing_checks(placed, part, by_optiland)], left_out + words
 

@@ -137,10 +137,11 @@ def index_of(file: StepFile) -> float:
 def _by_mitsuba(
     file: StepFile, system: OpticalSystem, index: float, least: int
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
-    from optics.exchange.cross_checks.meshed_file import MeshedLens, optical_nodes  # OCCT
+    from optics.exchange.cross_checks.meshed_file import MeshedLens, coarser, optical_nodes  # OCCT
 
     nodes = optical_nodes(file, least, [s.half_width for s in (system.lens.front, system.lens.rear)])
     load_mitsuba(threads=system.problem.run.threads)
     outlines = [surface.outline for surface in (system.lens.front, system.lens.rear)]
-    fine, coarse = (MeshedLens(n, index, system.target.receiver, outlines) for n in (nodes, nodes.coarser))
+    meshes = nodes, [*map(coarser, nodes)]
+    fine, coarse = (MeshedLens(n, index, system.target.receiver, outlines) for n in meshes)
     return fine, coarse

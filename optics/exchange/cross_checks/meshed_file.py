@@ -11,7 +11,7 @@ second of equal steps differs from that between all by sqrt(10) times its error 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil
 from typing import Any
 
@@ -25,6 +25,7 @@ from optics.scene.receivers import Receiver
 from optics.scene.sources import Rays
 from thbcad.cad.exchange import FaceNodes, face_nodes
 from thbcad.checks import Floats
+from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface, KnotVector
@@ -33,23 +34,9 @@ FLAT = 2  # steps across a plane face
 COARSER = 3.0  # errors of a mesh, from it to the mesh of every second node
 
 
-@dataclass(frozen=True, eq=False)
-class OpticalNodes:
-    """Nodes of the front and the rear in a STEP file."""
-
-    front: FaceNodes
-    rear: FaceNodes
-
-    @property
-    def coarser(self) -> OpticalNodes:
-        """Every second node."""
-        return OpticalNodes(
-            *(FaceNodes(f.points[::2, ::2], f.normals[::2, ::2]) for f in (self.front, self.rear))
-        )
-
-
-def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float, float]]) -> OpticalNodes:
-    """Return the OpticalNodes of a STEP file, at least `least` in each direction of faces that are not plane.
+def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float, float]]) -> list[FaceNodes]:
+    """Return the nodes of front and rear in a STEP file, at least `least` in each direction of faces that are
+    not plane.
 
     half_widths : of front and rear, mm, for conics that the file bounds by no rectangle.
     """
@@ -58,34 +45,31 @@ def optical_nodes(file: StepFile, least: int, half_widths: Sequence[tuple[float,
         form = optical_form(file.text, file.text.faces[number])
         if form is None:
             raise ValueError(f"face {number} of the file is neither a B-spline nor a conic around z")
-        u, v = (
-            _conic_parameters(
-                form if np.isfinite(form.half_width).all() else replace(form, half_width=half_width), least
-            )
-            if isinstance(form, PlacedConic)
-            else _spline_parameters(form, least)
-        )
-        faces.append(face_nodes(file.solid.shape, number, u, v))
-    return OpticalNodes(*faces)
+        if isinstance(form, PlacedConic) and not np.isfinite(form.half_width).all():
+            form = replace(form, half_width=half_width)
+        faces.append(face_nodes(file.solid.shape, number, *_parameters(form, least)))
+    return faces
 
 
-def _spline_parameters(surface: BSplineSurface, least: int) -> tuple[Floats, Floats]:
-    """Return parameters in u and in v."""
-    plane = np.ptp(surface.coefficients[..., 2]) == 0
-    u, v = (_parameters(kv, FLAT if plane else least - 1) for kv in (surface.kv_u, surface.kv_v))
+def coarser(nodes: FaceNodes) -> FaceNodes:
+    """Return every second node."""
+    return FaceNodes(nodes.points[::2, ::2], nodes.normals[::2, ::2])
+
+
+def _parameters(form: OpticalForm, least: int) -> tuple[Floats, Floats]:
+    """Return parameters in u and in v; of a conic pairs of them at equal steps in x and y, (n, m) both."""
+    if isinstance(form, BSplineSurface):
+        plane = np.ptp(form.coefficients[..., 2]) == 0
+        u, v = (_steps(kv, FLAT if plane else least - 1) for kv in (form.kv_u, form.kv_v))
+        return u, v
+    steps = FLAT if form.kind == "PLANE" else 2 * ceil((least - 1) / 2)
+    x, y = np.meshgrid(*(np.linspace(-h, h, steps + 1) for h in form.half_width), indexing="ij")
+    points = np.stack([x, y, form(x, y) + 0 * x], axis=-1)
+    u, v = form.parameters(points.reshape(-1, 3)).T.reshape(2, *x.shape)
     return u, v
 
 
-def _conic_parameters(conic: PlacedConic, least: int) -> tuple[Floats, Floats]:
-    """Return pairs of parameters at equal steps in x and y, (n, m) both."""
-    steps = FLAT if conic.kind == "PLANE" else 2 * ceil((least - 1) / 2)
-    x, y = np.meshgrid(*(np.linspace(-h, h, steps + 1) for h in conic.half_width), indexing="ij")
-    points = np.stack([x, y, conic(x, y) + 0 * x], axis=-1)
-    u, v = conic.parameters(points.reshape(-1, 3)).T.reshape(2, *x.shape)
-    return u, v
-
-
-def _parameters(kv: KnotVector, steps: int) -> Floats:
+def _steps(kv: KnotVector, steps: int) -> Floats:
     """Return the knots and the same even number of equal steps in every span, at least `steps` in all."""
     breaks = kv.breaks
     each = 2 * ceil(steps / (2 * (len(breaks) - 1)))
@@ -96,18 +80,18 @@ def _parameters(kv: KnotVector, steps: int) -> Floats:
 class MeshedLens:
     """Rays through the meshes of a STEP file by Mitsuba, in single precision.
 
-    index : of the lens.  target : where the light is received.  outlines : of front and rear; the meshes hold
-    their rectangles.
+    nodes : of front and rear.  index : of the lens.  target : where the light is received.
+    outlines : of front and rear; the meshes hold their rectangles.
     """
 
     def __init__(
-        self, nodes: OpticalNodes, index: float, target: Receiver, outlines: Sequence[Outline]
+        self, nodes: Sequence[FaceNodes], index: float, target: Receiver, outlines: Sequence[Outline]
     ) -> None:
         self._mitsuba, self._target = current_mitsuba(), target
         self._backend = mitsuba_backend(self._mitsuba, "single")
         self._index = self._backend.opaque(index)
         self._outlines = outlines
-        self._scenes = [_scene(self._mitsuba, face) for face in (nodes.front, nodes.rear)]
+        self._scenes = [_scene(self._mitsuba, face) for face in nodes]
 
     def __call__(self, rays: Rays) -> LandingPoints:
         """Return where rays land, with the light that both faces let through."""

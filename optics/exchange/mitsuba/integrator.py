@@ -144,11 +144,9 @@ def _exact(mi: ModuleType, properties: Any, system: OpticalSystem, lens: Lens) -
         tracer = Tracer(backend, system.path(lens), rays)
         return TracedModel(backend, tracer, screen, stage_window(system.problem, final=True))
 
-    def models(sensor: Any, spp: int) -> LightModel:
-        columns, rows = map(int, sensor.film().size())
-        return film(columns, rows, spp)
-
-    parameters = _Parameters(backend, coefficients, models)
+    parameters = _Parameters(
+        backend, coefficients, lambda sensor, spp: film(*map(int, sensor.film().size()), spp)
+    )
     return _integrator_class(mi, mi.variant())(properties, parameters, False)
 
 

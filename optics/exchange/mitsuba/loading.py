@@ -56,10 +56,7 @@ def current_mitsuba() -> ModuleType:
     Raises UserError : as `load_mitsuba`, of the variant that is set.
     """
     mitsuba = sys.modules.get("mitsuba")
-    if mitsuba is None:
-        return load_mitsuba()
-    variant = mitsuba.variant()
-    if variant is None:
+    if mitsuba is None or (variant := mitsuba.variant()) is None:
         return load_mitsuba()
     if variant not in VARIANTS:
         raise UserError(

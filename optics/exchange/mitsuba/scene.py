@@ -74,7 +74,11 @@ def scene_dictionary(
         intensity than a uniform one, stops, a clear aperture or coatings.
     """
     require_open(system)
-    _require_bare(system)
+    if coated(system) or any(system.slope_rms):  # Mitsuba's glass is neither
+        raise UserError(
+            "scenes for Mitsuba hold smooth faces, and lenses without coatings: leave slope_rms and the "
+            "reflectance of lenses out"
+        )
     receiver = system.target.receiver
     if receiver.far_field:
         raise UserError("Mitsuba's screen is a plane: target.distance must be finite, got inf")
@@ -147,15 +151,6 @@ def absorbs(system: OpticalSystem) -> bool:
 def coated(system: OpticalSystem) -> bool:
     """Return whether the faces of a lens are coated."""
     return any(isinstance(optic, LensSpec) and optic.coats != (None, None) for optic in system.problem.optics)
-
-
-def _require_bare(system: OpticalSystem) -> None:
-    """Raise UserError where faces are coated or rough: Mitsuba's glass is neither."""
-    if coated(system) or any(system.slope_rms):
-        raise UserError(
-            "scenes for Mitsuba hold smooth faces, and lenses without coatings: leave slope_rms and the "
-            "reflectance of lenses out"
-        )
 
 
 def camera_irradiance(scene: Any, spp: int, seed: int = 0) -> Floats:

@@ -21,27 +21,19 @@ from optics.exchange.mitsuba.scene import REFLECTANCE, body_meshes, face_surface
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
-TAGS = {  # of the plugins that `scene_dictionary` names
-    "scene": "scene",
-    "ptracer": "integrator",
-    "perspective": "sensor",
-    "independent": "sampler",
-    "hdrfilm": "film",
-    "box": "rfilter",
-    "ply": "shape",
-    "rectangle": "shape",
-    "disk": "shape",
-    "dielectric": "bsdf",
-    "conductor": "bsdf",
-    "diffuse": "bsdf",
-    "null": "bsdf",
-    "area": "emitter",
-    "directionalarea": "emitter",
-    "point": "emitter",
-    "spot": "emitter",
-    "uniform": "texture",
-    "bitmap": "texture",
+PLUGINS = {  # that `scene_dictionary` names, by their tags
+    "scene": ("scene",),
+    "integrator": ("ptracer",),
+    "sensor": ("perspective",),
+    "sampler": ("independent",),
+    "film": ("hdrfilm",),
+    "rfilter": ("box",),
+    "shape": ("ply", "rectangle", "disk"),
+    "bsdf": ("dielectric", "conductor", "diffuse", "null"),
+    "emitter": ("area", "directionalarea", "point", "spot"),
+    "texture": ("uniform", "bitmap"),
 }
+TAGS = {plugin: tag for tag, plugins in PLUGINS.items() for plugin in plugins}
 VERSION = "3.0.0"  # of the XML dialect
 BITMAP = ".pfm"  # Mitsuba writes EXR by its own threads, and waits for ever where there is one
 SAMPLES = {"sensor": 256, "overview": 16}  # light paths per pixel: the overview has 640 x 480 pixels

@@ -52,7 +52,9 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed_by(system, lens)))
+    path = system.path(lens).without_coats()  # as OCCT is to meet the faces: those that reflect do so ideally
+    crossed = [(int(f.face == "rear"), fixed_face(path, k).eta) for k, f in system.own_faces.items()]
+    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed))
     fates, landing, _ = difference.checks(system.traced_within, "OCCT's intersections with the file")
     return [*_own_checks(file, system.made(lens)), fates, landing]
 
@@ -70,12 +72,6 @@ def other_part_checks(part: MadePart, file: StepFile, problem: Problem) -> list[
 
 def _own_checks(file: StepFile, made: Made) -> list[Check]:
     return [*text_checks(file.text, made), *measure_checks(file.text, file.solid)[0]]
-
-
-def crossed_by(system: OpticalSystem, lens: Lens) -> list[Crossed]:
-    """Return the faces of a lens as OCCT is to meet them, ideally coated where they reflect."""
-    path = system.path(lens).without_coats()
-    return [(int(face.face == "rear"), fixed_face(path, k).eta) for k, face in system.own_faces.items()]
 
 
 def tracer_by_occt(file: StepFile, crossed: Sequence[Crossed]) -> Callable[[RaysBehind], RaysBehind]:

@@ -207,8 +207,7 @@ def _meeting(
 
     corners : least and greatest (x, y) of the face
     """
-    rays = _rays(points, directions)
-    geometry.localize(rays)
+    rays = _rays(geometry, points, directions)
     with np.errstate(all="ignore"):  # optiland gives nan for rays that miss a conic
         along = np.asarray(geometry.distance(rays))
         met = points + along[:, None] * directions
@@ -231,8 +230,7 @@ def _refracted(
     from optiland.jones import JonesFresnel
     from optiland.materials import IdealMaterial
 
-    rays = _rays(points, directions)
-    geometry.localize(rays)
+    rays = _rays(geometry, points, directions)
     normals = nx, ny, nz = geometry.surface_normal(rays)
     if indices is None:
         rays.reflect(nx, ny, nz)
@@ -247,9 +245,11 @@ def _refracted(
     return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
 
 
-def _rays(points: Floats, directions: Floats) -> RealRays:
-    """Return optiland's container of rays."""
+def _rays(geometry: BaseGeometry, points: Floats, directions: Floats) -> RealRays:
+    """Return optiland's container of rays, in the frame of a face."""
     from optiland.rays import RealRays
 
     (x, y, z), (l, m, n) = points.T, directions.T
-    return RealRays(x, y, z, l, m, n, np.ones(len(points)), np.full(len(points), WAVELENGTH))
+    rays = RealRays(x, y, z, l, m, n, np.ones(len(points)), np.full(len(points), WAVELENGTH))
+    geometry.localize(rays)
+    return rays

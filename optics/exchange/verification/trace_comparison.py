@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -85,10 +86,7 @@ def file_landing(system: OpticalSystem, lens: Lens, step: OpticalFaces, file: St
     elif not lens.rear.outline.is_rectangle:
         rims = file.rims
     faces = lens_faces(step, path, system.own_faces, rims)
-
-    def by_scipy(rays: RaysBehind) -> RaysBehind:
-        return through_faces(faces, rays, path.stops)
-
+    by_scipy = partial(through_faces, faces, stops=path.stops)
     return _by_others(system, _clear(system, lens), _checked_rays(system), by_scipy)
 
 

@@ -21,6 +21,7 @@ from thbcad.io import json_text, lens_to_dict
 RECORD = "asbuilt.json"
 FILES = ("lens.json", "light.png", "errors.png", "irradiance.npz")
 STEP = "lens.step"  # where it is asked for
+TOLD = ("unit", "height_unit", "mirror", "turn", "down", "centre")  # of a FileFrame, as options are called
 
 
 def asbuilt(options: Namespace) -> Outcome:
@@ -29,15 +30,8 @@ def asbuilt(options: Namespace) -> Outcome:
     design = Design.load(options.result)
     writable_folder(folder)
     require_own(folder, (*FILES, STEP, RECORD), RECORD, options.force)
-    frame = FileFrame(
-        unit=options.unit,
-        height_unit=options.height_unit,
-        kind="errors" if options.errors else "heights",
-        mirror=options.mirror,
-        turn=options.turn,
-        down=options.down,
-        centre=options.centre,
-    )
+    told = {name: getattr(options, name) for name in TOLD}
+    frame = FileFrame(kind="errors" if options.errors else "heights", **told)
     way: Way = "best fit" if options.align == "best-fit" else "datums"
     built = design.as_built(options.measured, frame, options.surface, way)
     from optics.reporting.figures import height_error_figure, made_light_figure  # matplotlib

@@ -13,7 +13,7 @@ import sys
 import traceback
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, redirect_stderr, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from ctypes import pythonapi
 from importlib import import_module
 from typing import Any, TextIO
@@ -70,19 +70,14 @@ def _run(options: Namespace) -> int:
     if missing:
         raise UserError(not_installed(missing, "optics"))
     command = import_module(f"optics.interface.commands.{options.command}_command")
-    with _silence() if options.quiet else nullcontext():
+    with ExitStack() as stack:
+        if options.quiet:  # an error that ends the command is told behind it
+            stack.enter_context(redirect_stderr(stack.enter_context(open(os.devnull, "w"))))
         outcome: Outcome = getattr(command, options.command)(options)
     with _printing():
         text = json_text(outcome.data) if options.json else "\n".join(map(printable, outcome.lines))
         print(text, flush=True)
     return outcome.code
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Let nothing through to stderr; an error that ends the block is told behind it."""
-    with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
-        yield
 
 
 def _failed(error: Exception, verbose: bool) -> int:
@@ -95,7 +90,10 @@ def _failed(error: Exception, verbose: bool) -> int:
     elif isinstance(error, MissingPackage):
         sentence, code = str(error), UserError.exit_code
     elif lacks_memory(error):
-        sentence, code = f"out of memory; {_more_room()}", NumericalError.exit_code
+        most = address_limit()
+        limit = "" if most is None else f"raise its limit (ulimit -v {most >> 10}), or "
+        sentence = f"out of memory; {limit}use fewer pixels, rays or levels"
+        code = NumericalError.exit_code
     elif isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""
         sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))
@@ -108,13 +106,6 @@ def _failed(error: Exception, verbose: bool) -> int:
         traceback.print_exception(error)
     print(f"thbcad: {sentence}", file=sys.stderr)
     return code
-
-
-def _more_room() -> str:
-    """Return what to do where memory lacks."""
-    most = address_limit()
-    limit = "" if most is None else f"raise its limit (ulimit -v {most >> 10}), or "
-    return f"{limit}use fewer pixels, rays or levels"
 
 
 @contextmanager

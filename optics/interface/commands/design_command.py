@@ -214,12 +214,6 @@ def show_in_browser(page: Path) -> None:
         webbrowser.open(page.resolve().as_uri())
 
 
-def _outcome(written: Written, system: OpticalSystem) -> Outcome:
-    metrics, checked = written.metrics, written.verification
-    data = {"folder": str(written.folder.path), "metrics": metrics, "verify": checked}
-    return Outcome(data, _design_lines(written, system), OF_GRADES[checked["grade"]])
-
-
 def _resumed(run: _Run, system: OpticalSystem) -> State:
     """Return the state of the checkpoint, or that of the finished result of the same problem."""
     if run.folder.checkpoint.exists() or not run.folder.is_result_of(run.asked):
@@ -259,8 +253,8 @@ def resuming(words: Sequence[str]) -> str:
     return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
 
 
-def _design_lines(written: Written, system: OpticalSystem) -> list[str]:
-    """Return what is printed of a design."""
+def _outcome(written: Written, system: OpticalSystem) -> Outcome:
+    """Return what is known of a design, and what is printed of it."""
     folder, metrics, checked = written.folder, written.metrics, written.verification
     fit, misses = [], []
     if checked["grade"] == "light misses":
@@ -268,7 +262,7 @@ def _design_lines(written: Written, system: OpticalSystem) -> list[str]:
         misses = [f"thbcad check {problem} names what binds, and docs/possible_light.md what helps"]
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
-    return [
+    lines = [
         *check_lines(checked),
         *fit,
         f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
@@ -282,3 +276,5 @@ def _design_lines(written: Written, system: OpticalSystem) -> list[str]:
         *misses,
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]
+    data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
+    return Outcome(data, lines, OF_GRADES[checked["grade"]])

@@ -137,22 +137,15 @@ def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> O
     return outgoing_intensity(system, lens, system.backend, options.rays, step)
 
 
-def _light_of(result: str) -> Floats | None:
-    """Return the light of a result on the pixels of its target, (rows, columns); None where it is gone."""
-    path = Path(result) / LIGHT
-    if not path.exists():
-        return None
-    with reading(path), np.load(path) as arrays:
-        light: Floats = arrays["irradiance"]
-    return light
-
-
 def _shown(
     system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace
 ) -> dict[str, OnTarget]:
     """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
-    if (of_lens := _light_of(options.result)) is None:
+    path = Path(options.result) / LIGHT
+    if not path.exists():
         return {}
+    with reading(path), np.load(path) as arrays:
+        of_lens: Floats = arrays["irradiance"]
     blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, system.backend)
     beside = StepsOnTarget(system, lens, of_lens, blur)
     finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))

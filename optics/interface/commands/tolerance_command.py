@@ -21,6 +21,7 @@ from optics.tolerancing.perturbations import HEAD, ToleranceBudget, effect_rows,
 
 RECORD, PAGE = "tolerance.json", "tolerance.html"
 PERIODS = "2:20"  # of form errors, mm
+SHARES = ("part", "share in the expected rise of rel_l2^2")  # head of a table
 WORST = 3  # tolerances whose change of the light is drawn
 INTRODUCTION = (
     "What errors of making and mounting do to the light of this design. Every number is of an exact trace of "
@@ -150,42 +151,27 @@ def _study(
 
 def _page(study: _Study) -> str:
     """Return tolerance.html."""
-    from optics.reporting.figures import change_figure, cost_figure  # matplotlib
+    # matplotlib
+    from optics.reporting.figures import change_figure, cost_figure, form_figures_of, monte_carlo_figures_of
 
-    budget, design = study.budget, study.design
+    budget, design, made, form = study.budget, study.design, study.made, study.form
     screen, ranked = design.system.target.screen(), budget.by_cost()
     pictures = [("amounts in allowed ones", cost_figure(budget))] if ranked[0].cost else []
     for effect in ranked[:WORST]:
         name = effect.tolerance.name
         pictures.append((f"change of the light by {name}", change_figure(effect, screen)))
     sentences = [*study.beside_the_report(), *shop_sentences(budget)]
-    sections = [
-        PageSection("What shop and mount must hold", sentences, pictures=pictures),
-        *_of_lenses(study),
+    sections = [PageSection("What shop and mount must hold", sentences, pictures=pictures)]
+    if made is not None:
+        shares = [(name, f"{share:.1%}") for name, share in made.shares().items()]
+        of_lenses = study.of_made(), SHARES, shares, monte_carlo_figures_of(made)
+        sections.append(PageSection("Lenses with all errors at once", *of_lenses))
+    of_form = ((), ()) if form is None else (form_rows(form), [*form_figures_of(form).values()])
+    sections += [
         PageSection("Every tolerance by itself, the costliest first", head=HEAD, rows=effect_rows(budget)),
-        _of_form(study),
+        PageSection("Form errors", study.of_form(), FORM_HEAD, *of_form),
     ]
     return section_page(f"{design.problem.title or 'Lens'}: tolerances", INTRODUCTION, sections)
-
-
-def _of_lenses(study: _Study) -> list[PageSection]:
-    from optics.reporting.figures import monte_carlo_figures_of  # matplotlib
-
-    if study.made is None:
-        return []
-    head = ("part", "share in the expected rise of rel_l2^2")
-    rows = [(name, f"{share:.1%}") for name, share in study.made.shares().items()]
-    pictures = monte_carlo_figures_of(study.made)
-    return [PageSection("Lenses with all errors at once", study.of_made(), head, rows, pictures)]
-
-
-def _of_form(study: _Study) -> PageSection:
-    from optics.reporting.figures import form_figures_of  # matplotlib
-
-    form = study.form
-    rows = [] if form is None else form_rows(form)
-    pictures = [] if form is None else [*form_figures_of(form).values()]
-    return PageSection("Form errors", study.of_form(), FORM_HEAD, rows, pictures)
 
 
 class _Shown:

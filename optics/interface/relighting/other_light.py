@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,10 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
     for optic in system.problem.optics:
         if isinstance(optic, MirrorElement):
             continue
-        index = _index_at(optic, source.wavelength, own)
+        try:
+            index = index_at(optic, source.wavelength, own)
+        except UserError:
+            index = optic.known_index
         if optic.index != index:
             other = other.with_optic(optic, index=index)
         if optic.called in shapes:
@@ -50,13 +54,6 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
         if optic == system.problem.optic:
             lens = replace(lens, index=index)
     return measure(solvable_system(other).shaped_as(shapes), lens, backend)
-
-
-def _index_at(optic: Optic, nm: float, own: float) -> float:
-    try:
-        return index_at(optic, nm, own)
-    except UserError:
-        return optic.known_index
 
 
 EDGE_ON = 1e-9  # of a cosine: light goes along a face
@@ -80,7 +77,7 @@ def other_source(words: str, problem: Problem) -> Source:
     own = problem.source
     same: dict[str, Any] = {"flux": problem.flux, "unit": own.unit, "wavelength": own.wavelength}
     if words.lower() == "sun":
-        beam = own if source_of(problem).beam else _beam(problem)
+        beam = own if source_of(problem).beam else _beam(problem, same)
         return replace(beam, divergence=SUN, divergence_profile="sun")
     if found := LED.fullmatch(words):
         size = _number(found, "size")
@@ -99,9 +96,12 @@ def other_source(words: str, problem: Problem) -> Source:
     return load_problem(Path(words)).source
 
 
-def _beam(problem: Problem) -> Source:
-    """Return a parallel beam along z that covers the first face that light meets, from before all of it."""
-    own, first = problem.source, problem.faces_met[0]
+def _beam(problem: Problem, same: Mapping[str, Any]) -> Source:
+    """Return a parallel beam along z that covers the first face that light meets, from before all of it.
+
+    same : keys of the problem's own source that it keeps.
+    """
+    first = problem.faces_met[0]
     spec = getattr(first.optic, first.face)
     x, y = np.meshgrid(*(np.linspace(-h, h, ACROSS) for h in spec.half_width))
     own_points = np.array([x, y, Conic(*base_of(spec))(x, y)]).reshape(3, -1)
@@ -111,9 +111,7 @@ def _beam(problem: Problem) -> Source:
         kind="collimated",
         half_width=(wide, tall),
         distance=Source.distance + max(0.0, -float(covered[2].min())) + freedom_of(spec),
-        flux=problem.flux,
-        unit=own.unit,
-        wavelength=own.wavelength,
+        **same,
     )
 
 

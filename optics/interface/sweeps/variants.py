@@ -73,11 +73,8 @@ def _range(name: str, start: Decimal, stop: Decimal, count: Decimal) -> list[Any
         raise UserError(f"{name}: a range of one value must begin and end with it, got {start}:{stop}:1")
     steps = max(int(count) - 1, 1)
     values = [start + (stop - start) * k / steps for k in range(int(count))]
-    if all(value == value.to_integral_value() for value in values) and all(
-        "." not in str(e) for e in (start, stop)
-    ):
-        return [int(value) for value in values]
-    return [float(value) for value in values]
+    whole = all(v == v.to_integral_value() for v in values) and "." not in str(start) + str(stop)
+    return [int(value) if whole else float(value) for value in values]
 
 
 @dataclass(frozen=True)
@@ -125,10 +122,7 @@ def all_variants(problem: Problem, ranges: Mapping[str, Sequence[Any]]) -> list[
     Raises UserError : an unknown key, or a value that no combination can have; as `Problem.with_` says it.
     """
     places = list(product(*(range(len(values)) for values in ranges.values())))
-    found = []
-    for place in places:
-        values = tuple(values[k] for values, k in zip(ranges.values(), place))
-        found.append(_variant(problem, dict(zip(ranges, values))))
+    found = [_variant(problem, dict(zip(ranges, values))) for values in product(*ranges.values())]
     for at, key in enumerate(ranges):
         possible = {place[at] for variant, place in zip(found, places) if not variant.refusal}
         for k, value in enumerate(ranges[key]):

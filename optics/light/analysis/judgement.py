@@ -23,6 +23,8 @@ MORE_RAYS = "more target.pixels are measured by more rays"
 LONGER_FILE = "source.file has no more"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
+LIT_NAME = "light on the lit region, of the source's"
+STRAY_NAME = "light beside the target, of the source's"
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
 FORBIDS = {"rel_l2_one_blur": "the blur", "rel_l2_by_etendue": "etendue"}  # least values of rel_l2
 NEAR = 1.1  # times what is allowed at best: as near as can be
@@ -58,8 +60,7 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     return [
         *_zone_checks(metrics),
         *_uniformity_checks(metrics, limits),
-        *_picture_checks(metrics, limits),
-        *_flux_checks(metrics, limits),
+        *_picture_and_flux_checks(metrics, limits),
     ]
 
 
@@ -112,29 +113,20 @@ def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     return str(uniformity["reason"])
 
 
-def _picture_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
-    picture = "contrast_error" in metrics
-    rows = [("rel_l2_debiased", "rel_l2_error", ERROR_NAME, picture_limit(limits, not picture))]
-    if metrics.get("contrast_error") is not None:
-        rows.append(("contrast_error", "contrast_error_std", CONTRAST_NAME, limits.contrast_error))
-    for key, of_error, name, limit in rows:
-        if not isinf(limit):
-            value, error = metrics[key], metrics[of_error]
+def _picture_and_flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    off = picture_limit(limits, "contrast_error" not in metrics)
+    contrast = inf if metrics.get("contrast_error") is None else limits.contrast_error
+    rows = (
+        ("rel_l2_debiased", "rel_l2_error", ERROR_NAME, off, False),
+        ("contrast_error", "contrast_error_std", CONTRAST_NAME, contrast, False),
+        ("lit_efficiency", "lit_efficiency_error", LIT_NAME, limits.lit_efficiency, True),
+        ("stray", "stray_error", STRAY_NAME, limits.stray, False),
+    )
+    for key, of_error, name, limit, at_least in rows:
+        if (limit or not at_least) and not isinf(limit):
+            value, error = metrics[key], metrics.get(of_error, 0.0)
             remark = _unless_resolved(metrics, value, error, limit)
-            yield Check(name, value, limit, "", error=error, subject="light", remark=remark)
-
-
-def _flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
-    if limits.lit_efficiency:
-        value, error = metrics["lit_efficiency"], metrics.get("lit_efficiency_error", 0.0)
-        remark = _unless_resolved(metrics, value, error, limits.lit_efficiency)
-        name = "light on the lit region, of the source's"
-        yield Check(name, value, limits.lit_efficiency, "", True, error, "light", remark)
-    if not isinf(limits.stray):
-        name = "light beside the target, of the source's"
-        value, error = metrics["stray"], metrics.get("stray_error", 0.0)
-        remark = _unless_resolved(metrics, value, error, limits.stray)
-        yield Check(name, value, limits.stray, "", error=error, subject="light", remark=remark)
+            yield Check(name, value, limit, "", at_least, error, "light", remark)
 
 
 def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:

@@ -12,7 +12,7 @@ from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_rays import traced_parts
-from optics.light.analysis.light_of_wavelengths import light_of_plate, spectral_light
+from optics.light.analysis.light_of_wavelengths import light_of_plate
 from optics.light.analysis.optic_words import passing_share
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
 from optics.light.measuring import Splat
@@ -64,11 +64,7 @@ def sequential(
         every, irradiance = reduce(add, fates), image.reshape(screen.shape, order="F")
         return LightEstimate(irradiance, np.zeros(screen.shape), every.on_target, every.off_target), every
 
-    light = light_of_plate(
-        system,
-        system.shaded_path(lens),
-        lambda path: spectral_light(system, path, screen, backend, traced),
-    )
+    light = light_of_plate(system, system.shaded_path(lens), screen, backend, traced)
     numbers = {name: sum(c.get(name, 0) for c in counts) for name in reduce(or_, counts)}
     return light.estimate.irradiance, light.fates, numbers
 

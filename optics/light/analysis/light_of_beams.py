@@ -31,7 +31,6 @@ from optics.light.blur import Blur, LandingShifts, blur_of
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath, SlopeErrors
 from optics.scene.receivers import Screen
-from optics.scene.sources import SourceCells
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
@@ -46,7 +45,7 @@ FINER = 3  # pixels of the sharp light in one of the screen, in each direction
 # a filter without the highest frequency of these finer pixels, which leaves 63/64 of the screen's highest
 STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 LEAST_CELLS = 128
-BORDERS = Borders(cells=1000, bisections=5)  # more of both change 1e-4 of the light
+BORDERS = Borders(cells=1000, bisections=5)  # of the cells of a beam: more of both change 1e-4 of the light
 AXIS = np.array([0.0, 0.0, 1.0])
 GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
@@ -63,15 +62,19 @@ def beam_irradiance(
     counts = _beam_cells(screen)
     rest = _Rest.of(system, path, screen, backend)
     fates: list[SequentialFates] = []
+    rng = np.random.default_rng(system.problem.run.seed)
+    spread = np.flatnonzero([system.source.diverging, *map(bool, system.slope_rms)])
 
     def replicates() -> Iterator[tuple[Floats, float, float]]:
-        for samples in _sets(system):
+        for _ in range(REPLICATES):
+            samples = [_sample(system, dict(zip(spread, row))) for row in _disk_points(len(spread), rng)]
             parts = [
-                _of_beam(
-                    system.source.cells(counts, direction=s.direction),
+                cell_irradiance(
                     path.with_slope_errors(s.errors),
                     screen,
+                    system.source.cells(counts, direction=s.direction),
                     backend,
+                    BORDERS,
                 )
                 for s in samples
             ]
@@ -128,7 +131,7 @@ class _Rest:
         fine, _ = cell_irradiance(path, wide, system.sharp.source.cells(many), backend)
         middle = AXIS if system.source.diverging else None
         beam = system.source.cells(_beam_cells(screen), direction=middle)
-        coarse, _ = _of_beam(beam, path, wide, backend)
+        coarse, _ = cell_irradiance(path, wide, beam, backend, BORDERS)
         return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
 
     def beside(self, samples: Sequence[_Sample]) -> Floats:
@@ -146,23 +149,6 @@ class _Rest:
 def _beam_cells(screen: Screen) -> list[int]:
     """Return the cells of a beam in x and y."""
     return [max(LEAST_CELLS, ceil(CELLS_PER_PIXEL * n)) for n in screen.pixels]
-
-
-def _of_beam(
-    cells: SourceCells, path: LightPath, screen: Screen, backend: Backend
-) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of the cells of a beam."""
-    return cell_irradiance(path, screen, cells, backend, BORDERS)
-
-
-def _sets(system: OpticalSystem) -> Iterator[list[_Sample]]:
-    """Yield the samples of every replicate."""
-    rng = np.random.default_rng(system.problem.run.seed)
-    spread = [system.source.diverging, *map(bool, system.slope_rms)]
-    for _ in range(REPLICATES):
-        yield [
-            _sample(system, dict(zip(np.flatnonzero(spread), row))) for row in _disk_points(sum(spread), rng)
-        ]
 
 
 def _disk_points(disks: int, rng: np.random.Generator) -> Floats:

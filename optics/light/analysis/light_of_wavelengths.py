@@ -42,14 +42,24 @@ class SpectralLight:
 
 
 def light_of_plate(
-    system: OpticalSystem, path: LightPath, light: Callable[[LightPath], SpectralLight]
+    system: OpticalSystem,
+    path: LightPath,
+    screen: Screen,
+    backend: Backend,
+    estimate: Estimate,
+    alone: bool = False,
 ) -> SpectralLight:
     """Return the light of all lenses of a plate: the mean of that of each with all of the flux, E(x - s), or
     in the far field that of one.
 
-    light : along a path through one lens.  Errors of several lenses count as if they were the same.
+    path : through one lens.  estimate : as of `spectral_light`.  alone : in the source's own wavelength.
+    Errors of several lenses count as if they were the same.
     """
-    parts = [light(path.onto(receiver)) for receiver in system.seen_receivers]
+    paths = [path.onto(receiver) for receiver in system.seen_receivers]
+    if alone:
+        parts = [SpectralLight(*estimate(system, way, screen, backend), None) for way in paths]
+    else:
+        parts = [spectral_light(system, way, screen, backend, estimate) for way in paths]
     if len(parts) == 1:
         return parts[0]
     numbers = [f.name for f in fields(LightEstimate) if f.name != "axes"]  # a plate is measured whole
@@ -106,13 +116,11 @@ def colour_metrics(
     first, last = lines[0].nm, lines[-1].nm
     between = max(BLUE, first), min(RED, last)
     ends = between if between[0] < between[1] else (first, last)  # all of them on one side
-    rays, landings = system.source.rays(SHIFT_RAYS), []
-    for nm in ends if first < last else ():
-        landing = Tracer(backend, path.in_media(system.media_at(nm)), rays).landed()
-        landings.append(np.array([a.numpy() for a in (landing.x, landing.y, landing.flux)]))
     shift = 0.0
-    if landings:
-        blue, red = landings
+    if first < last:
+        rays = system.source.rays(SHIFT_RAYS)
+        landed = (Tracer(backend, path.in_media(system.media_at(nm)), rays).landed() for nm in ends)
+        blue, red = (np.array([a.numpy() for a in (at.x, at.y, at.flux)]) for at in landed)
         flux = np.where((blue[2] > 0) & (red[2] > 0), blue[2], 0.0)
         apart = np.where(flux > 0, np.hypot(*(blue[:2] - red[:2])), 0.0)
         shift = float((flux * apart).sum() / flux.sum()) if flux.any() else 0.0

@@ -22,7 +22,6 @@ from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_irradiance, ray_numbers
 from optics.light.analysis.light_of_wavelengths import (
-    SpectralLight,
     colour_metrics,
     light_of_plate,
     spectral_light,
@@ -72,14 +71,8 @@ class Measurement:
 
     def in_unit(self, unit: float) -> Measurement:
         """Return it with all light times a factor."""
-        sharp, colour = (None if light is None else unit * light for light in (self.sharp, self.colour))
-        return replace(
-            self,
-            irradiance=unit * self.irradiance,
-            target=unit * self.target,
-            sharp=sharp,
-            colour=colour,
-        )
+        lights = {name: getattr(self, name) for name in ("irradiance", "target", "sharp", "colour")}
+        return replace(self, **{n: unit * light for n, light in lights.items() if light is not None})
 
 
 def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
@@ -92,7 +85,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     system = system.with_all_sources
     screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
     estimate = _estimate(estimator, system, lens)
-    spectral = light_of_plate(system, path, lambda p: spectral_light(system, p, screen, backend, estimate))
+    spectral = light_of_plate(system, path, screen, backend, estimate)
     direct, fates = spectral.estimate, spectral.fates
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
     beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.flux
@@ -132,16 +125,12 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, other)
     sharp = colour = None
     if estimator == "beams":
-        clear = light_of_plate(
-            system, path, lambda p: spectral_light(system.sharp, p, screen, backend, grid_irradiance)
-        )
+        clear = light_of_plate(system.sharp, path, screen, backend, grid_irradiance)
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
     if spectral.colour is not None:
         colour = spectral.colour / shown
-        one = light_of_plate(
-            system, path, lambda p: SpectralLight(*estimate(system, p, screen, backend), None)
-        )
+        one = light_of_plate(system, path, screen, backend, estimate, alone=True)
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
@@ -168,9 +157,7 @@ def _zones(
         if estimator == "rays":  # as many in an aperture as in a pixel
             count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
             estimate = partial(estimate, count=max(count, ray_count(screen)))
-        light = light_of_plate(
-            system, path, lambda p: spectral_light(system, p, fine, backend, estimate)
-        ).estimate
+        light = light_of_plate(system, path, fine, backend, estimate).estimate
         light = light + other.finer(fine) if other else light
     shown = fine.projection()
     return zone_metrics(system, fine, light.over(shown))

@@ -162,9 +162,8 @@ class MappedCells:
 
         values : g, as `PixelLines.integrated`.
         """
-        dr = self._backend.dr
-        whole = WholeCells(dr, self._lines, self._cells(corners), places.code)
-        means, slopes = whole.pull_back(values)
+        dr, cells = self._backend.dr, self._cells(corners)
+        means, slopes = WholeCells(dr, self._lines, cells, places.code).pull_back(values)
         slopes = self._grid.turned(slopes, dr.arange(self._backend.Index, self._grid.size))
         parts, by_a, by_b = means * self._shares, self._double.Float(0), self._double.Float(0)
         dr.eval(parts, slopes)

@@ -176,45 +176,7 @@ class DraftedFace:
         return Meeting(dr.select(found, t, dr.inf), (nx, ny, nz), Float(dr.inf))
 
 
-@dataclass(eq=False)
-class LandFace:
-    """The level plane between the wall of the larger surface and that of the smaller one, the hole.
-
-    outward : +1 where air lies above, else -1.
-    """
-
-    outer: WalledRegion
-    hole: WalledRegion
-    level: float
-    outward: float
-    size: float
-
-    def __post_init__(self) -> None:
-        opaque = self.outer.backend.opaque
-        self._near, self._level = opaque(START * self.size), opaque(self.level)
-        self._outward = opaque(self.outward)
-
-    def reach(self, rays: DeviceRays) -> DrArray:
-        """Return the path at which rays meet the endless plane; inf where they do not."""
-        dr = self.outer.backend.dr
-        speed = rays.direction[2]
-        t = (self._level - rays.origin[2]) / speed
-        found = (speed != 0) & ((self._outward * speed > 0) == rays.inside) & (t >= -self._near)
-        return dr.select(found, dr.maximum(t, 0), dr.inf)
-
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr, Float = self.outer.backend.dr, self.outer.backend.Float
-        reach = self.reach(rays)
-        found = dr.isfinite(reach)
-        t = dr.select(found, reach, 0)
-        x, y, _ = rays.at(t)
-        point = x, y, self._level
-        found &= self.outer.holds(point) & ~self.hole.holds(point)
-        return Meeting(dr.select(found, t, dr.inf), (Float(0), Float(0), self._outward), Float(dr.inf))
-
-
-def body_faces(backend: Backend, body: MouldedBody) -> list[GraphFace | DraftedFace | LandFace]:
+def body_faces(backend: Backend, body: MouldedBody) -> list[Face]:
     """Return front, rear, the outer wall below and above the parting line, the land and the step."""
     lens, small, inner = body.lens, body.small, body.inner
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
@@ -225,7 +187,7 @@ def body_faces(backend: Backend, body: MouldedBody) -> list[GraphFace | DraftedF
         surface_face(backend, s, shape.outline, outward, size, trim.interval)
         for s, shape, outward, trim in zip(surfaces, (lens.front, lens.rear), (-1.0, 1.0), trims)
     ]
-    faces: list[GraphFace | DraftedFace | LandFace] = [*graphs]
+    faces: list[Face] = [*graphs]
     for k, (wall, region) in enumerate(zip(body.walls, regions)):
         if inner is None or small != k:
             faces.append(DraftedFace(region, wall, True, size, graphs[k]))
@@ -234,7 +196,9 @@ def body_faces(backend: Backend, body: MouldedBody) -> list[GraphFace | DraftedF
     if inner is not None and small is not None:
         outward = (-1.0, 1.0)[small]
         outer, hole = WalledRegion(backend, body.walls[small], RIM * size), WalledRegion(backend, inner)
-        faces.append(LandFace(outer, hole, inner.level, outward, size))
+        flat = FreeformSurface(body.walls[small].at(inner.level).half_width)
+        plane = surface_face(backend, PlacedSurface(backend, flat, inner.level), flat.outline, outward, size)
+        faces.append(PartOfPlane(backend, plane, lambda point: outer.holds(point) & ~hole.holds(point)))
         if body.stepped:
             faces.append(DraftedFace(hole, inner, inner.side == outward, size, graphs[small]))
     return faces

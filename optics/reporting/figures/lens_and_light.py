@@ -45,14 +45,15 @@ def light_figures(
     mean, top = measurement.target.mean(), float(target.max())
     density, unit, word = system.density, system.target.unit, system.problem.optic.noun
     quantity = density.quantity
-    label = f"{quantity} / mean"
+    label, side = f"{quantity} / mean", block(target.shape)
+    merged = f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
 
     def picture(data: Floats, text: str, colours: str, low: float, high: float) -> bytes:
         return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
 
     figures = {
         "target": (
-            f"The light asked for; its mean is {density.text(mean)}.{_merged(target)}",
+            f"The light asked for; its mean is {density.text(mean)}.{merged}",
             picture(target, label, "gray", 0, top),
         ),
         "irradiance": (
@@ -107,12 +108,6 @@ def lens_figures(
     for called, shape, faces in others:
         surfaces |= _surfaces(shape, faces, called)
     return {**surfaces, "loss": (caption, _loss(history, plan))}
-
-
-def _merged(image: Floats) -> str:
-    """Return a sentence on the pixels that the figures of an image merge, if any."""
-    side = block(image.shape)
-    return f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
 
 
 def _surfaces(lens: Lens, sides: tuple[str, str], called: str = "") -> dict[str, tuple[str, bytes]]:

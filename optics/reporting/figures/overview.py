@@ -19,7 +19,7 @@ from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from optics.light.analysis import Measurement, counted_ways
-from optics.reporting.figures.canvas import plt, png_bytes
+from optics.reporting.figures.canvas import new_panels, png_bytes
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
@@ -30,7 +30,7 @@ Picture = tuple[str, NDArray[np.floating[Any]], str, float, float]
 
 SIZE, DPI = (11.0, 3.4), 80
 SHOWN = ("rel_l2_debiased", "psnr_db", "ssim", "efficiency", "stray", "dof", "evaluations")  # metrics
-WIDE, HIGH = 3.6, 3.2  # inches, of a picture
+PANEL = (3.6, 3.2)  # inches, of a picture
 DECADES = 3  # of the colours of gradients
 
 
@@ -119,9 +119,7 @@ def level_figure(
     """
     name_of = system.problem.optic.face_name
     free = [(name_of(s), f) for s, f, _ in lens.faces if f.sag is not None]
-    figure, axes = plt.subplots(
-        1, 2 + len(free), figsize=(WIDE * (2 + len(free)), HIGH), layout="constrained"
-    )
+    figure, axes = new_panels(2 + len(free), PANEL)
     target, irradiance, error, span = relative_light(measurement)
     pictures = (
         ("light / mean", irradiance, "gray", 0.0, float(target.max())),

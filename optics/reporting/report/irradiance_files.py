@@ -2,7 +2,6 @@
 
 import io
 import struct
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -28,27 +27,14 @@ def light_files(
 ) -> dict[str, bytes]:
     """Return the files of the light that arrives and of the light asked for, by name.
 
-    The same light gives the same bytes.
+    The same light gives the same bytes.  The arrays come with the centres x of the columns and y of the rows,
+    and the units as text.
 
     irradiance, target : (rows, columns), in the stored unit of `density`; in the far field intensities
     colour : (3, rows, columns), CIE 1931 X, Y, Z of a spectrum's light, in 683 lm/W times that unit
     sharp : (rows, columns), of blurred light what it is without the blur
     """
-    unit = density.stored
-    return {
-        ARRAYS: _arrays(irradiance, target, screen, unit, {"xyz": colour, "sharp": sharp}),
-        PICTURE: _picture(irradiance, screen, unit),
-    }
-
-
-def _arrays(
-    irradiance: Floats, target: Floats, screen: Screen, unit: str, more: Mapping[str, Floats | None]
-) -> bytes:
-    """Return them as .npz, with the centres x of the columns and y of the rows, and the units as text.
-
-    more : other arrays by name, as far as there are any.
-    """
-    buffer = io.BytesIO()
+    buffer, unit = io.BytesIO(), density.stored
     x, y = screen.centres
     arrays: dict[str, Any] = {
         "irradiance": irradiance,
@@ -58,9 +44,10 @@ def _arrays(
         "unit": np.array(unit),
         "axes_unit": np.array(screen.unit),
     }
+    more = {"xyz": colour, "sharp": sharp}
     arrays |= {name: array for name, array in more.items() if array is not None}
     np.savez_compressed(buffer, **arrays)
-    return buffer.getvalue()
+    return {ARRAYS: buffer.getvalue(), PICTURE: _picture(irradiance, screen, unit)}
 
 
 def _picture(irradiance: Floats, screen: Screen, unit: str) -> bytes:

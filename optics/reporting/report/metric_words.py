@@ -12,6 +12,7 @@ from optics.scene.photometry import BEAM, FIELD, Units
 
 PERCENT = "%"
 FLUXES = ("W", "lm")
+DEVIATION = "how far that value may be off, as a standard deviation"
 NONE = 1e-9  # of a flux of 1: less is rounding
 # unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
 WORDS = {
@@ -23,7 +24,6 @@ WORDS = {
         PERCENT,
         "difference from the light asked for, ||E - T|| / ||T||, both scaled to mean 1: what is quoted",
     ),
-    "rel_l2_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
     "rel_l2_one_blur": (PERCENT, "what one blur everywhere, that of this lens, allows at best: a model"),
     "rel_l2_by_etendue": (PERCENT, "what etendue allows any solid that brings as much light, at best"),
@@ -34,20 +34,15 @@ WORDS = {
     "shift_pixels": ("pixels", "the same in pixels"),
     "fringe": ("", "mean distance of the chromaticity (u', v') from the source's, by luminance"),
     "rel_l2_sequential": (PERCENT, "rel_l2 of the light from surface to surface only, without noise"),
-    "rel_l2_sequential_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
-    "contrast_error_std": (PERCENT, "how far that value may be off, as a standard deviation"),
     "rays": ("", "rays that measured the light, about"),
     "rays_of_file": ("", "rays that the source's file has: all of them measured the light"),
-    "lit_efficiency_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "paths": ("", "light that counts: all ways through the lens, or from surface to surface only"),
     "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux goes on and misses the target"),
-    "stray_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "crosstalk": (PERCENT, "of the middle source's flux leaves a plate by neighbours' fronts and rears"),
-    "crosstalk_error": (PERCENT, "how far that value may be off, as a standard deviation"),
     "by_plate_edges": (PERCENT, "of the middle source's flux leaves a plate forward by its walls and land"),
     "normal_incidence_transmittance": (
         PERCENT,
@@ -63,15 +58,18 @@ WORDS = {
     "evaluations": ("", "evaluations of loss and gradient"),
     "wall_s": ("s", "wall time of the phase"),
     "peak_mb": ("MB", "most memory of all processes, added"),
+    "contrast_error_std": (PERCENT, DEVIATION),
+    **{
+        f"{name}_error": (PERCENT, DEVIATION)
+        for name in ("rel_l2", "rel_l2_sequential", "lit_efficiency", "stray", "crosstalk")
+    },
 }
 # of the light on pixels that are lit wholly, and of the beam in the far field
 JUDGED = {
     "min_over_mean": ("", "U0: least over mean light of the boxes that count"),
     "min_over_max": ("", "least over greatest light of these boxes"),
     "rsd": ("", "relative standard deviation of their light, without noise"),
-    "min_over_mean_error": ("", "how far that value may be off, as a standard deviation"),
-    "min_over_max_error": ("", "how far that value may be off, as a standard deviation"),
-    "rsd_error": ("", "how far that value may be off, as a standard deviation"),
+    **{f"{name}_error": ("", DEVIATION) for name in ("min_over_mean", "min_over_max", "rsd")},
     "noise": (PERCENT, "greatest standard deviation of a box, relative to the mean light"),
     "reason": ("", "why there is no uniformity; empty where there is"),
     "grid": ("", "boxes in each direction over the lit region's bounding rectangle"),

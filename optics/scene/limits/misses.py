@@ -182,30 +182,25 @@ def feature_levels(problem: Problem) -> list[int]:
 
     It is 0 where even level 0 has smaller features.
     """
-    return [level for optic in problem.free_optics for level in _levels(problem, optic)]
+    return [level for optic in problem.free_optics for *_, level in _features(problem, optic)]
 
 
-def _levels(problem: Problem, optic: Optic) -> list[int]:
-    return [
-        max(0, min(free.finest, floor(log2(size / problem.limits.feature))))
-        if problem.limits.feature
-        else free.finest
-        for _, free, size in _features(problem, optic)
-    ]
-
-
-def _features(problem: Problem, optic: Optic) -> Iterator[tuple[str, Freeform, float]]:
-    """Yield key, settings and the smallest feature of level 0 in wavelengths of every free surface."""
+def _features(problem: Problem, optic: Optic) -> Iterator[tuple[str, Freeform, float, int]]:
+    """Yield key, settings, the smallest feature of level 0 in wavelengths, and the level of `feature_levels`,
+    of every free surface."""
+    limit = problem.limits.feature
     for name, free in optic.free.items():
         half_width = getattr(optic, name).half_width
         smallest = min(free.degree * 2 * h / n for h, n in zip(half_width, free.spans))
-        yield optic.key(name), free, smallest * NM_PER_MM / problem.source.wavelength
+        size = smallest * NM_PER_MM / problem.source.wavelength
+        level = max(0, min(free.finest, floor(log2(size / limit)))) if limit else free.finest
+        yield optic.key(name), free, size, level
 
 
 def _feature_advice(problem: Problem) -> Iterator[str]:
     """Yield a sentence for every free surface whose finest level would break limits.feature."""
-    limit, levels = problem.limits.feature, _levels(problem, problem.optic)
-    for (key, free, coarsest), level in zip(_features(problem, problem.optic), levels):
+    limit = problem.limits.feature
+    for key, free, coarsest, level in _features(problem, problem.optic):
         if coarsest < limit:
             yield (
                 f"limits.feature is {limit:g} wavelengths, but level 0 of "

@@ -13,7 +13,6 @@ Source: ANSI/IESNA LM-63-02, Standard file format for the electronic transfer of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -169,8 +168,7 @@ def require_ascending(name: str, values: Floats) -> None:
         raise UserError(f"{name} must ascend, got {b:g} after {a:g} degrees")
 
 
-def _position(nodes: Sequence[float] | Floats, values: Floats) -> tuple[Integers, Floats]:
+def _position(nodes: Floats, values: Floats) -> tuple[Integers, Floats]:
     """Return the interval in which values lie, and the position in it from 0 to 1."""
-    row = np.asarray(nodes)
-    k = np.clip(np.searchsorted(row, values, side="right") - 1, 0, len(row) - 2)
-    return k, np.clip((values - row[k]) / (row[k + 1] - row[k]), 0.0, 1.0)
+    k = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
+    return k, np.clip((values - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)

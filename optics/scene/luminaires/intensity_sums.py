@@ -17,7 +17,7 @@ from optics.scene.luminaires.intensity_record import (
     angles_of,
     hat_integrals,
 )
-from thbcad.checks import Floats, Integers
+from thbcad.checks import Floats
 
 
 class IntensityGrid:
@@ -38,7 +38,8 @@ class IntensityGrid:
     def flux(self, direction: Floats, flux: Floats) -> Floats:
         """Return the flux of rays at the nodes, (turns, tilts + 1).  direction : (3, n).  flux : (n,)."""
         c, gamma = angles_of(direction)
-        (i, s), (j, t) = (_split(a / step) for a, step in zip((c, gamma), self.steps))
+        (s, i), (t, j) = (np.modf(a / step) for a, step in zip((c, gamma), self.steps))
+        i, j = i.astype(np.int64), j.astype(np.int64)
         j, t = np.minimum(j, self.tilts - 1), np.where(j < self.tilts, t, 1.0)
         total = np.zeros(self.turns * (self.tilts + 1))
         for turn, by_turn in ((i, 1 - s), (i + 1, s)):
@@ -59,9 +60,3 @@ class IntensityGrid:
         return Luminaire(
             np.linspace(0, FULL_TURN, self.turns + 1), self._gammas, self.intensity(flux), opening
         )
-
-
-def _split(values: Floats) -> tuple[Integers, Floats]:
-    """Return whole and fractional parts."""
-    whole = np.floor(values)
-    return whole.astype(np.int64), values - whole

@@ -24,8 +24,7 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     require_ascending("planes C", planes)
     first, last = planes[0], planes[-1]
     if (first, last) == (0, 90):
-        planes, candela = _mirrored(planes, candela)
-        return _mirrored(planes, candela)
+        return _mirrored(*_mirrored(planes, candela))
     if (first, last) == (0, 180):
         return _mirrored(planes, candela)
     if (first, last) == (90, 270):

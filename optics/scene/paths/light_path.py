@@ -206,8 +206,7 @@ class LightPath:
 
     def without_coats(self) -> LightPath:
         """Return the path through bare glass, and by mirrors that reflect all."""
-        shares = (1.0 if s.kind == "reflect" else None for s in self.surfaces)
-        pairs = zip(self.surfaces, shares)
+        pairs = ((s, 1.0 if s.kind == "reflect" else None) for s in self.surfaces)
         return self._with(s if s.share == share else replace(s, share=share) for s, share in pairs)
 
     def without_stops(self) -> LightPath:

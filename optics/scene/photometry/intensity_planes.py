@@ -54,9 +54,7 @@ def plane_curves(intensity: Floats, u: Floats, v: Floats) -> dict[str, PlaneCurv
     v = atan(d_y / d_z) of the rows, falling, degrees; both are symmetric.  Where no row or column lies on the
     axis, the two beside it are averaged.
     """
-    along_u = _middle(intensity)
-    along_v = _middle(intensity.T)
-    return {"C0-C180": PlaneCurve(u, along_u), "C90-C270": PlaneCurve(-v, along_v)}
+    return {"C0-C180": PlaneCurve(u, _middle(intensity)), "C90-C270": PlaneCurve(-v, _middle(intensity.T))}
 
 
 def _middle(rows: Floats) -> Floats:

@@ -177,17 +177,16 @@ class Problem:
             )
             if free:
                 rows[name] += (
-                    f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}"
+                    f"; free, degree {free.degree}, {_by(free.spans)} spans, to level {free.max_level}, "
+                    f"sag within {free.z_freedom} mm"
                 )
-                rows[name] += f", sag within {free.z_freedom} mm"
         rows["target"] = (
             f"{target.kind}, {target.place}, half-width {_by(target.half_width)} "
             f"{'degrees' if target.far_field else 'mm'}, {_by(target.pixels)} pixels"
         )
-        lines = (
+        cells = "".join(
             f'<tr><th scope="row">{name}</th><td>{escape(text)}</td></tr>' for name, text in rows.items()
         )
-        cells = "".join(lines)
         return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
 
 

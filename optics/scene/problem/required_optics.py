@@ -32,12 +32,21 @@ def require_optic(optic: Optic, shaped: bool) -> None:
 
 
 def require_stops(stops: Sequence[StopSpec]) -> None:
-    """Refuse stops that make no sense.
+    """Refuse a ring without a middle, and a middle without a ring.
 
     Raises UserError : names the key.
     """
     for k, stop in enumerate(stops):
-        _require_stop(f"stop[{k}]", stop)
+        key, ring = f"stop[{k}]", stop.shape == "ring"
+        if ring and not all(0 < i < o for i, o in zip(stop.inner, stop.half_width)):
+            raise UserError(
+                f"{key}.inner must be above 0 and below {key}.half_width = {list(stop.half_width)} in x and "
+                f"y, got {list(stop.inner)}"
+            )
+        if not ring and any(stop.inner):
+            raise UserError(
+                f'{key}.inner is that of shape = "ring", got {list(stop.inner)} with {stop.shape!r}'
+            )
 
 
 def require_named_elements(elements: Sequence[Placed]) -> None:
@@ -214,15 +223,3 @@ def _require_array(lens: Optic) -> None:
         )
     if any(lens.clear_aperture):
         raise UserError(f"{key} has no holder round each lens: leave out {lens.key('clear_aperture')}")
-
-
-def _require_stop(key: str, stop: StopSpec) -> None:
-    """Refuse a ring without a middle, and a middle without a ring."""
-    ring = stop.shape == "ring"
-    if ring and not all(0 < i < o for i, o in zip(stop.inner, stop.half_width)):
-        raise UserError(
-            f"{key}.inner must be above 0 and below {key}.half_width = {list(stop.half_width)} in x and y, "
-            f"got {list(stop.inner)}"
-        )
-    if not ring and any(stop.inner):
-        raise UserError(f'{key}.inner is that of shape = "ring", got {list(stop.inner)} with {stop.shape!r}')

@@ -22,6 +22,7 @@ from optics.scene.ray_files.ray_set import IN_WATTS, UNIT_LENGTH, RaySet, Unit
 
 SIGNATURE, VERSIONS = b"TM25", (2013, 2020)
 TEXTS = 9  # name, maker, ... of the source
+NAME_OF_SOURCE = "thbcad"  # where the program writes rays
 HEADER = packed_type(
     {
         "signature": "S4",
@@ -129,7 +130,7 @@ def tm25_bytes(rays: RaySet) -> bytes:
     head["lumens"], head["watts"] = np.nan, np.nan
     head["lumens" if rays.unit == "lm" else "watts"] = rays.total
     head["wavelength"], head["range"] = np.nan, np.nan
-    head["texts"][0] = [_text("thbcad"), *[_text("")] * (TEXTS - 1)]
+    head["texts"][0, 0, : len(NAME_OF_SOURCE)] = [ord(letter) for letter in NAME_OF_SOURCE]  # in UTF-32
     has = [1, 1, rays.unit == "W", 0, rays.unit == "lm", 0, 0, 0]
     columns = [rays.position, rays.direction, rays.flux[:, None]]
     if rays.wavelength is not None:
@@ -141,10 +142,3 @@ def tm25_bytes(rays: RaySet) -> bytes:
             head["spectrum"], head["wavelength"] = 1, rays.wavelength[0]
     head["has"] = has
     return bytes(head.tobytes() + np.hstack(columns).astype("<f4").tobytes())
-
-
-def _text(words: str) -> NDArray[np.uint32]:
-    """Return a text as 1000 characters of UTF-32."""
-    out = np.zeros(1000, "<u4")
-    out[: len(words)] = [ord(letter) for letter in words]
-    return out

@@ -46,7 +46,8 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
             with Image.open(path, formats=tuple(FORMATS)) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
                     raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
-                inverted = image.mode in DEEP_MODES and _white_is_zero(image)
+                # where a TIFF says that 0 is white Pillow heeds it with up to 8 bits
+                inverted = image.mode in DEEP_MODES and getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0
                 light = _linear(ImageOps.exif_transpose(image), encoding, inverted)
     except (UserError, MemoryError):
         raise
@@ -72,11 +73,6 @@ def _too_large(path: str | Path, size: str) -> str:
     return (
         f"the picture {path} has {size} more than the {MAX_SOURCE_PIXELS:,} pixels allowed; make it smaller"
     )
-
-
-def _white_is_zero(image: Image.Image) -> bool:
-    """Return whether a TIFF says so, which Pillow heeds with up to 8 bits."""
-    return getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0
 
 
 def _linear(image: Image.Image, encoding: str, inverted: bool) -> Floats:

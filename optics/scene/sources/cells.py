@@ -58,8 +58,7 @@ class SourceCells:
 
     def half(self, axes: Sequence[int]) -> SourceCells:
         """Return the cells with s >= 0 (axis 0) and t >= 0 (axis 1) of an even number of cells there."""
-        starts = [n // 2 if axis in axes else 0 for axis, n in enumerate(self.emitted.shape)]
-        i, j = starts
+        i, j = (n // 2 if axis in axes else 0 for axis, n in enumerate(self.emitted.shape))
         return replace(self, s=self.s[i:], t=self.t[j:], emitted=self.emitted[i:, j:])
 
     def slices(self, most: int) -> Iterator[SourceCells]:

@@ -42,10 +42,8 @@ class Rays:
     @classmethod
     def joined(cls, parts: Sequence[Rays]) -> Rays:
         """Return the rays of all parts."""
-        origin, direction = (
-            np.concatenate([getattr(p, k) for p in parts], axis=1) for k in ("origin", "direction")
-        )
-        return cls(origin, direction, np.concatenate([p.flux for p in parts]))
+        names = ("origin", "direction", "flux")
+        return cls(*(np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in names))
 
     @property
     def total(self) -> float:

@@ -40,11 +40,8 @@ class Step:
     def option(self) -> str:
         """As it is written on a command line."""
         numbers = ", ".join(f"{v:g}" for v in self.value)
-        return (
-            f"--set {shlex.quote(f'{self.key}=[{numbers}]')}"
-            if len(self.value) > 1
-            else (f"--set {self.key}={numbers}")
-        )
+        value = f"[{numbers}]" if len(self.value) > 1 else numbers
+        return f"--set {shlex.quote(f'{self.key}={value}')}"
 
 
 def nearest_geometry(system: OpticalSystem, works: Callable[[OpticalSystem], bool]) -> list[str]:

@@ -50,7 +50,7 @@ def with_material(problem: Problem) -> Problem:
             changes["index"] = round(index, INDEX_DIGITS)
             changes["density"] = spec.density or (known.density if known and known.density else 0.0)
         if spec.absorption == AUTO:
-            changes["absorption"] = _absorption(spec, nm)
+            changes["absorption"] = absorption_at(spec, nm)
             changes["absorptions"] = spec.absorptions or _absorption_rows(spec, problem.source)
         problem = problem.with_optic(spec, **changes)
     return problem
@@ -146,28 +146,28 @@ def index_at(spec: Optic, nm: float, own: float) -> float:
 
 
 def absorption_at(spec: Optic, nm: float) -> float:
-    """Return the absorption of a lens at a wavelength, 1/mm.  nm : of it.
+    """Return the absorption of a lens at a wavelength, 1/mm; left to the program it is that of the material.
 
-    Raises UserError : lens.absorptions has rows, but not around the wavelength.
+    nm : of it.
+
+    Raises UserError : lens.absorptions has rows, but not around the wavelength; no material tells it there.
     """
-    return _absorption(spec, nm) if spec.absorptions else float(spec.absorption)
+    if spec.absorptions:
+        return tabulated(spec.absorptions, nm, spec.key("absorptions"))
+    if spec.absorption == AUTO:
+        return float(f"{find_material(spec.material).absorption(nm):.{ABSORPTION_DIGITS}g}")
+    return float(spec.absorption)
 
 
 def _absorption_rows(spec: Optic, source: Source) -> tuple[tuple[float, float], ...]:
     """Return the absorption of the material at all wavelengths that are traced, and where it is visible."""
     lines = spectral_lines(source.spectrum) if source.spectrum else ()
-    rows = {nm: _absorption(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
+    rows = {nm: absorption_at(spec, nm) for nm in (source.wavelength, *(line.nm for line in lines))}
     for nm in map(float, VISIBLE):
         with suppress(UserError):
-            rows.setdefault(nm, _absorption(spec, nm))
+            rows.setdefault(nm, absorption_at(spec, nm))
     return tuple(sorted(rows.items()))
 
 
 def _tabulated_index(spec: Optic, nm: float) -> float:
     return tabulated(spec.indices, nm, spec.key("indices"), CAUCHY)
-
-
-def _absorption(spec: Optic, nm: float) -> float:
-    if spec.absorptions:
-        return tabulated(spec.absorptions, nm, spec.key("absorptions"))
-    return float(f"{find_material(spec.material).absorption(nm):.{ABSORPTION_DIGITS}g}")

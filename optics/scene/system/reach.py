@@ -110,9 +110,7 @@ def require_apart(system: OpticalSystem) -> None:
 def _holds(lens: Lens, points: Floats) -> NDArray[np.bool_]:
     """Return which points, (3, n) in its frame, a lens holds; between outlines it is as wide as the wider."""
     x, y, z = points
-    within = np.zeros(x.size, dtype=bool)
-    for surface in (lens.front, lens.rear):
-        within |= surface.outline.contains(x, y)
+    within = lens.front.outline.contains(x, y) | lens.rear.outline.contains(x, y)
     low, high = (
         surface(*(np.clip(a, -h, h) for a, h in zip((x, y), surface.half_width)))
         for surface in (lens.front, lens.rear)

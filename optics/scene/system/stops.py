@@ -23,19 +23,16 @@ CORNERS = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], np.zeros(4)]
 
 def stops_of(problem: Problem) -> tuple[Stop, ...]:
     """Return the stops of a problem, in the frame of the front vertex."""
-    stops = []
-    for k, spec in enumerate(problem.stop):
-        round_corners = (0.0, 0.0) if spec.shape == "rectangle" else spec.half_width
-        stops.append(
-            Stop(
-                Outline(spec.half_width, round_corners),
-                Pose.tilted(spec.position, spec.tilt),
-                Outline(spec.inner, spec.inner) if spec.shape == "ring" else None,
-                spec.hole,
-                f"stop.{spec.name or k}",
-            )
+    return tuple(
+        Stop(
+            Outline(spec.half_width, (0.0, 0.0) if spec.shape == "rectangle" else spec.half_width),
+            Pose.tilted(spec.position, spec.tilt),
+            Outline(spec.inner, spec.inner) if spec.shape == "ring" else None,
+            spec.hole,
+            f"stop.{spec.name or k}",
         )
-    return tuple(stops)
+        for k, spec in enumerate(problem.stop)
+    )
 
 
 def require_places(

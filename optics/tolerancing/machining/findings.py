@@ -205,9 +205,8 @@ def _surface(
             return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
 
         light = light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
-    motion = None
-    if order.spiral and fit.proven and pitch is not None:
-        motion = spiral_motion(graph, outline, radius, pitch)
+    turns = order.spiral and fit.proven
+    motion = spiral_motion(graph, outline, radius, pitch) if turns and pitch is not None else None
     rows = None if order.spiral or pitch is None else row_cut(graph, outline, order, pitch)
     # the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits
     heights = cusps_of(graph, *_grid(outline), order, 1.0).height

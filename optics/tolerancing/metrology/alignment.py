@@ -146,16 +146,14 @@ def _aligned(surface: FreeformSurface, points: Floats, motion: Pose, beside: flo
     x, y, z = motion.inverse().points(points[:, _near(surface, points, motion, beside)])
     if not len(x):
         raise UserError(f"all points lie beside the surface; {ANOTHER}")
-    heights = z - _height(surface, x, y)
     u, v = np.clip([x, y], -half_width, half_width)
+    heights = z - _height(surface, x, y, u, v)
     stretch: Floats = np.sqrt(1 + surface(u, v, (1, 0)) ** 2 + surface(u, v, (0, 1)) ** 2)
     return Alignment(motion, np.stack([u, v, z]), heights, heights / stretch)
 
 
-def _height(surface: FreeformSurface, x: Floats, y: Floats) -> Floats:
-    """Return s(x, y), beside the rim its Taylor polynomial of second order about that."""
-    half_width = np.reshape(surface.half_width, (2, 1))
-    u, v = np.clip([x, y], -half_width, half_width)
+def _height(surface: FreeformSurface, x: Floats, y: Floats, u: Floats, v: Floats) -> Floats:
+    """Return s(x, y), beside the rim its Taylor polynomial of second order about that, where u, v lie."""
     heights: Floats = surface(u, v)
     off = (u != x) | (v != y)
     u, v = u[off], v[off]

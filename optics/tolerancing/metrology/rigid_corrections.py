@@ -112,10 +112,8 @@ def _motions(light: PerturbedLight) -> list[tuple[Tolerance, float]]:
 
 
 def _sum(motions: list[tuple[Tolerance, float]], amounts: Floats) -> Perturbation:
-    total = NOMINAL
-    for (tolerance, size), amount in zip(motions, amounts.tolist()):
-        total = total + tolerance.at(size * amount)
-    return total
+    pairs = zip(motions, amounts.tolist())
+    return sum((tolerance.at(size * amount) for (tolerance, size), amount in pairs), NOMINAL)
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,9 +128,8 @@ def bounds_of(limits: Limits, design: LightNumbers, unknown: str) -> dict[str, f
     bounds = {name: value for name, value in limits.items() if name != "rise"}
     if "rise" in limits:
         most = design.rel_l2 + limits["rise"]
-        bounds = {"rel_l2": min(most, bounds.get("rel_l2", most))} | {
-            name: value for name, value in bounds.items() if name != "rel_l2"
-        }
+        bounds = {"rel_l2": most} | bounds  # the first of them
+        bounds["rel_l2"] = min(most, bounds["rel_l2"])
     if "min_over_mean" in bounds and design.min_over_mean is None:
         raise UserError(f"min_over_mean is not known of this light: {unknown}; limit rel_l2 or efficiency")
     return bounds

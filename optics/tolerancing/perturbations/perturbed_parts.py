@@ -175,8 +175,7 @@ def _bent(surface: FreeformSurface, power: float) -> FreeformSurface:
     if not power:
         return surface
     radius = np.inf if power == -1 else surface.conic.radius / (1 + power)
-    conic = Conic(radius, surface.conic.constant)
-    return replace(surface, conic=conic)
+    return replace(surface, conic=Conic(radius, surface.conic.constant))
 
 
 def _scaled(surface: FreeformSurface, factor: float) -> FreeformSurface:

@@ -176,17 +176,13 @@ def _placed(
     """
     rows: list[Tolerance] = []
     held_by: Holder = "shop" if field == "front" else "mount"  # the front moves within the part
-    for axis in range(3):
-        along = tuple(float(axis == k) for k in range(3))
-        name = "defocus" if axis == 2 else f"decentre_{AXES[axis]}"
-        amount = defocus if axis == 2 else decentre
+    shifts = {"decentre_x": decentre, "decentre_y": decentre, "defocus": defocus}
+    for axis, (name, amount) in enumerate(shifts.items()):
         if amount:
-            rows.append(
-                Tolerance(f"{part}.{name}", "mm", amount, errors(**{f"{field}_shift": along}), held_by)
-            )
-    for axis in range(3):
-        if AXES[axis] in turned:
-            about = tuple(radians(1.0) * (axis == k) for k in range(3))
-            name = f"{part}.tilt_{AXES[axis]}"
-            rows.append(Tolerance(name, "degrees", tilt, errors(**{f"{field}_tilt": about}), held_by))
+            change = errors(**{f"{field}_shift": tuple(float(axis == k) for k in range(3))})
+            rows.append(Tolerance(f"{part}.{name}", "mm", amount, change, held_by))
+    for axis, letter in enumerate(AXES):
+        if letter in turned:
+            change = errors(**{f"{field}_tilt": tuple(radians(1.0) * (axis == k) for k in range(3))})
+            rows.append(Tolerance(f"{part}.tilt_{letter}", "degrees", tilt, change, held_by))
     return rows

@@ -115,16 +115,14 @@ def face_hits(
             face = intersector.Face(1)
             faces[k] = numbers.FindIndex(face) - 1
             points[k] = intersector.Pnt(1).Coord()
-            normals[k] = _normal(face, intersector.UParameter(1), intersector.VParameter(1))
+            normals[k] = point_and_normal(face, intersector.UParameter(1), intersector.VParameter(1))[1]
     return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
 
 
-def _normal(face: TopoDS_Face, u: float, v: float) -> Floats:
-    """Return the outward normal of a face, of any length."""
-    point = gp_Pnt()
-    along_u = gp_Vec()
-    along_v = gp_Vec()
+def point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:
+    """Return a point of the surface under a face, mm, and its outward normal there, of any length, (3,)
+    each."""
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
     BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
-    return np.array(along_u.Crossed(along_v).Coord()) * (
-        -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
-    )
+    outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    return np.array(point.Coord()), outward * np.array(along_u.Crossed(along_v).Coord())

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace
 from OCP.BRepTools import BRepTools
@@ -25,31 +25,27 @@ from OCP.Geom import (
     Geom_TrimmedCurve,
 )
 from OCP.GeomAbs import (
-    GeomAbs_BezierSurface,
-    GeomAbs_BSplineSurface,
-    GeomAbs_Cone,
-    GeomAbs_Cylinder,
     GeomAbs_OffsetCurve,
+    GeomAbs_OffsetSurface,
     GeomAbs_OtherCurve,
-    GeomAbs_Plane,
-    GeomAbs_Sphere,
+    GeomAbs_OtherSurface,
     GeomAbs_SurfaceOfExtrusion,
     GeomAbs_SurfaceOfRevolution,
-    GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
+from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.occt_texts import FACES, brep_text, iges_text, silence, step_text
-from thbcad.cad.exchange.reading import (
-    OCCT_ERRORS,
-    brep_shape,
-    faces_of,
-    free_edges_of,
-    iges_shape,
-    step_shape,
+from thbcad.cad.exchange.reading import OCCT_ERRORS, brep_shape, edges_of, faces_of, iges_shape, step_shape
+from thbcad.cad.shapes import (
+    BUILDER,
+    TOLERANCE,
+    rational_geom,
+    rational_geom_curve,
+    spline_curve,
+    spline_surface,
 )
-from thbcad.cad.shapes import TOLERANCE, rational_geom, rational_geom_curve, spline_curve, spline_surface
 from thbcad.checks import Floats, require_suffix, require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Product
@@ -64,17 +60,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Curve = BSplineCurve | NURBSCurve
 CURVES = (BSplineCurve, NURBSCurve)
-EXACT = (
-    GeomAbs_Plane,
-    GeomAbs_Cylinder,
-    GeomAbs_Cone,
-    GeomAbs_Sphere,
-    GeomAbs_Torus,
-    GeomAbs_BezierSurface,
-    GeomAbs_BSplineSurface,
-)
 SWEPT = (GeomAbs_SurfaceOfRevolution, GeomAbs_SurfaceOfExtrusion)
 APPROXIMATE = (GeomAbs_OffsetCurve, GeomAbs_OtherCurve)
+APPROXIMATE_SURFACES = (GeomAbs_OffsetSurface, GeomAbs_OtherSurface)
 READ_ERRORS: tuple[type[Exception], ...] = (ValueError, *OCCT_ERRORS)
 
 
@@ -150,7 +138,7 @@ def read_curves(path: str | Path) -> list[BSplineCurve | NURBSCurve]:
 
     Raises OSError, ValueError : as `read_faces`.
     """
-    return _read("free edge", free_edges_of, _curve_under, path)
+    return _read("free edge", lambda shape: edges_of(shape, TopAbs_FACE), _curve_under, path)
 
 
 def face_of(surface: Surface, name: str = "surface", file: Format = BREP) -> TopoDS_Face:
@@ -220,10 +208,9 @@ def _write(
     if not splines:
         raise ValueError(f"{what} must hold at least one {what[:-1]}")
     compound = TopoDS_Compound()
-    builder = BRep_Builder()
-    builder.MakeCompound(compound)
+    BUILDER.MakeCompound(compound)
     for k, spline in enumerate(splines):
-        builder.Add(compound, shape_of(spline, f"{what}[{k}]", file))
+        BUILDER.Add(compound, shape_of(spline, f"{what}[{k}]", file))
     write_bytes(path, file.write(compound, what))
 
 
@@ -233,8 +220,6 @@ def _read(
     """Return the splines under the parts of a shape; `what` they are, in the singular."""
     path = Path(path)
     file = FORMATS[require_suffix(path, *FORMATS)]
-    with path.open("rb"):
-        pass
     silence()
     try:
         parts = parts_of(file.read(path))
@@ -256,10 +241,8 @@ def _surface_under(face: TopoDS_Face) -> BSplineSurface | NURBSSurface:
     adaptor = BRepAdaptor_Surface(face)
     if isinstance(geom, Geom_BSplineSurface):
         return spline_surface(geom)
-    exact = adaptor.GetType() in EXACT or (
-        adaptor.GetType() in SWEPT and adaptor.BasisCurve().GetType() not in APPROXIMATE
-    )
-    if not exact:
+    kind = adaptor.GetType()
+    if kind in APPROXIMATE_SURFACES or (kind in SWEPT and adaptor.BasisCurve().GetType() in APPROXIMATE):
         raise ValueError("it is no surface that NURBS hold exactly")
     trimmed = Geom_RectangularTrimmedSurface(geom, *_rectangle(face, geom))
     return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))

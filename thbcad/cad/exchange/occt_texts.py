@@ -171,15 +171,12 @@ def iges_text(shape: TopoDS_Shape, mode: int, product: Product, face_names: Sequ
         for face, name in zip(faces, face_names, strict=True):
             _name(writer, face, name)
     head = model.GlobalSection()
-    for setter, value in (
-        (head.SetAuthorName, product.author),
-        (head.SetCompanyName, product.organization),
-        (head.SetFileName, product.name),
-        (head.SetSendName, "thbcad"),
-    ):
-        setter(_ascii(value))
-    for setter in (head.SetDate, head.SetLastChangeDate):
-        setter(TCollection_HAsciiString(IGES_STAMP))
+    head.SetAuthorName(_ascii(product.author))
+    head.SetCompanyName(_ascii(product.organization))
+    head.SetFileName(_ascii(product.name))
+    head.SetSendName(_ascii("thbcad"))
+    head.SetDate(_ascii(IGES_STAMP))
+    head.SetLastChangeDate(_ascii(IGES_STAMP))
     model.SetGlobalSection(head)
     return printed(IGESData_IGESWriter(model), IGESSolid.Protocol_s())
 

@@ -28,13 +28,12 @@ from thbcad.io import rewritten
 
 COMPLEX_SPLINE = re.compile(rb"=\s*+\([^;]*?\bB_SPLINE_(?:SURFACE|CURVE)\b")
 TOKEN = re.compile(r"'(?>(?:[^']|'')*)'|\(|\)|[A-Z_][A-Z0-9_]*+", re.ASCII)
-EXCEPTIONS = [
+OCCT_ERRORS: tuple[type[Exception], ...] = tuple(  # they have no common base
     e
     for module in (Standard, Topology)
     for e in vars(module).values()
     if isinstance(e, type) and issubclass(e, Exception)
-]
-OCCT_ERRORS: tuple[type[Exception], ...] = tuple(EXCEPTIONS)  # they have no common base
+)
 GEOMETRY = (
     StepGeom.StepGeom_GeometricRepresentationItem,
     StepRepr.StepRepr_DefinitionalRepresentation,
@@ -119,14 +118,9 @@ def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
     return [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
 
 
-def free_edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
-    """Return the edges of a shape that border no face, in their order."""
-    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE, TopAbs_FACE)]
-
-
-def edges_of(shape: TopoDS_Shape) -> list[TopoDS_Edge]:
-    """Return the edges of a shape in their order; the seam of a face comes twice."""
-    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE)]
+def edges_of(shape: TopoDS_Shape, avoided: TopAbs_ShapeEnum = TopAbs_SHAPE) -> list[TopoDS_Edge]:
+    """Return the edges of a shape in their order, as `explore`; the seam of a face comes twice."""
+    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE, avoided)]
 
 
 def step_shape(path: Path) -> TopoDS_Shape:

@@ -119,8 +119,6 @@ def read_step(path: str | Path) -> SolidFile:
     Raises ValueError : it is no STEP file or damaged, or does not hold two optical faces.
     """
     path = Path(path)
-    with path.open("rb"):
-        pass
     silence()
     reader, document = step_document(path)
     shape = reader.OneShape()

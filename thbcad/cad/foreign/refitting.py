@@ -13,6 +13,7 @@ with the faces at other points: that is measured.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,8 +58,7 @@ class Refit:
         return f"Refit({'; '.join(parts)})"
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
+class _Surface(NamedTuple):
     surface: FreeformSurface
     deviation: float
     how: str
@@ -80,13 +80,8 @@ def refitted(
                 "rear on one axis"
             )
         surfaces.append(_surface(frame, face, vertex, tolerance, name))
-    front, rear = surfaces
-    return Refit(
-        Lens(front.surface, rear.surface, thickness, index),
-        (front.deviation, rear.deviation),
-        (front.how, rear.how),
-        (front.proven, rear.proven),
-    )
+    (front, rear), deviations, hows, proven = zip(*surfaces)
+    return Refit(Lens(front, rear, thickness, index), deviations, hows, proven)
 
 
 def _outlined(frame: Pose, faces: Sequence[OpticalFace]) -> list[OpticalFace]:
@@ -130,7 +125,7 @@ def _surface(frame: Pose, face: OpticalFace, vertex: float, tolerance: float, na
         )
     own = best.surface
     corners = own.half_width if face.outline == "ellipse" else own.corners
-    return replace(best, surface=FreeformSurface(own.half_width, own.conic, own.sag, corners))
+    return best._replace(surface=FreeformSurface(own.half_width, own.conic, own.sag, corners))
 
 
 def _plane(frame: Pose, face: OpticalFace, vertex: float) -> _Surface:

@@ -25,16 +25,16 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d
 from OCP.GProp import GProp_GProps
 from OCP.IntCurvesFace import IntCurvesFace_Intersector
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_REVERSED
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from scipy.optimize import minimize_scalar
 
-from thbcad.cad.exchange import edges_of, faces_of
+from thbcad.cad.exchange import edges_of, faces_of, point_and_normal
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.poses import Pose
@@ -99,10 +99,7 @@ class SurveyedFace:
         trimmed = Geom_RectangularTrimmedSurface(
             BRep_Tool.Surface_s(self.face), *BRepTools.UVBounds_s(self.face)
         )
-        surface = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
-        surface.SetUNotPeriodic()
-        surface.SetVNotPeriodic()
-        return spline_surface(surface)
+        return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))
 
     @cached_property
     def area(self) -> float:
@@ -161,19 +158,14 @@ class SurveyedFace:
     def direction(self) -> Floats | None:
         """The normal of a flat face; the axis of a cylinder, cone, torus or surface of revolution; the
         direction of an extrusion; else None."""
-        adaptor = BRepAdaptor_Surface(self.face)
-        if self.kind == "plane":
-            return np.array(adaptor.Plane().Axis().Direction().Coord())
-        if self.is_flat:
+        if self.kind != "plane" and self.is_flat:
             return self.samples[1][0]
-        directions = {
-            "cylinder": lambda: adaptor.Cylinder().Axis().Direction(),
-            "cone": lambda: adaptor.Cone().Axis().Direction(),
-            "torus": lambda: adaptor.Torus().Axis().Direction(),
-            "surface of revolution": lambda: adaptor.AxeOfRevolution().Direction(),
-            "extrusion": lambda: adaptor.Direction(),
-        }
-        return np.array(directions[self.kind]().Coord()) if self.kind in directions else None
+        adaptor = BRepAdaptor_Surface(self.face)
+        if self.kind in ("plane", "cylinder", "cone", "torus"):
+            return np.array(getattr(adaptor, self.kind.capitalize())().Axis().Direction().Coord())
+        if self.kind == "surface of revolution":
+            return np.array(adaptor.AxeOfRevolution().Direction().Coord())
+        return np.array(adaptor.Direction().Coord()) if self.kind == "extrusion" else None
 
     @property
     def rim(self) -> Floats:
@@ -239,12 +231,8 @@ def continued(solid: TopoDS_Shape, faces: Sequence[SurveyedFace], start: Surveye
 
 
 def _point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:
-    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
-    BRep_Tool.Surface_s(face).D1(u, v, point, along_u, along_v)
-    normal = np.cross(along_u.Coord(), along_v.Coord())
-    size = float(np.linalg.norm(normal)) or 1.0
-    outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
-    return np.array(point.Coord()), outward * normal / size
+    point, normal = point_and_normal(face, u, v)
+    return point, normal / (float(np.linalg.norm(normal)) or 1.0)
 
 
 def _is_smooth(edge: TopoDS_Edge, first: TopoDS_Face, second: TopoDS_Face) -> bool:

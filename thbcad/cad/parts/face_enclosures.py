@@ -20,7 +20,6 @@ from OCP.GeomAbs import (
     GeomAbs_Cone,
     GeomAbs_Cylinder,
     GeomAbs_Ellipse,
-    GeomAbs_Line,
     GeomAbs_Sphere,
     GeomAbs_Torus,
 )
@@ -54,13 +53,6 @@ def edge_pieces(edge: TopoDS_Edge) -> Pieces | None:
     """Return the Pieces of an edge; None of a curve that is not known here."""
     curve = BRepAdaptor_Curve(edge)
     kind, ends = curve.GetType(), (curve.FirstParameter(), curve.LastParameter())
-    if kind == GeomAbs_Line:
-        points = np.array([curve.Value(t).Coord() for t in ends])
-        low, high = ends
-        along = points[1] - points[0]
-        return Pieces(
-            np.array([ends]), lambda cells: points[0] + ((cells - low) / (high - low))[..., None] * along
-        )
     if kind in (GeomAbs_Circle, GeomAbs_Ellipse):
         conic = curve.Circle() if kind == GeomAbs_Circle else curve.Ellipse()
         radii = (
@@ -72,7 +64,7 @@ def edge_pieces(edge: TopoDS_Edge) -> Pieces | None:
         return Pieces(_intervals(*ends, QUARTER), lambda cells: rows[0] + _arcs(cells) @ rows[1:])
     if kind == GeomAbs_BSplineCurve:
         return _curve_pieces(curve.BSpline(), *ends)
-    try:  # parabolas and hyperbolas are rational splines, too
+    try:  # lines, parabolas and hyperbolas are rational splines, too
         cut = Geom_TrimmedCurve(BRep_Tool.Curve_s(edge, *ends), *ends)
         spline = GeomConvert.CurveToBSplineCurve_s(cut)
     except OCCT_ERRORS:
@@ -196,13 +188,7 @@ def _high_spline(surface: Geom_BSplineSurface) -> tuple[tuple[_Knots, _Knots], F
     surface = surface.Copy()
     surface.SetUNotPeriodic()
     surface.SetVNotPeriodic()
-    u, v = (
-        np.repeat([knot(k + 1) for k in range(count)], [times(k + 1) for k in range(count)])
-        for knot, times, count in (
-            (surface.UKnot, surface.UMultiplicity, surface.NbUKnots()),
-            (surface.VKnot, surface.VMultiplicity, surface.NbVKnots()),
-        )
-    )
+    u, v = np.array([*surface.UKnotSequence()]), np.array([*surface.VKnotSequence()])
     full = np.empty((surface.NbUPoles(), surface.NbVPoles(), 4))
     for i, j in np.ndindex(full.shape[:2]):
         weight = surface.Weight(i + 1, j + 1)
@@ -233,11 +219,9 @@ def _curve_pieces(curve: Any, low: float, high: float) -> Pieces | None:
     curve = curve.Copy()
     if curve.IsPeriodic():
         curve.SetNotPeriodic()
-    numbers, knots = range(1, curve.NbPoles() + 1), range(1, curve.NbKnots() + 1)
-    weights = np.array([curve.Weight(k) for k in numbers])
-    full = np.column_stack([weights[:, None] * [curve.Pole(k).Coord() for k in numbers], weights])
-    repeated = np.repeat([curve.Knot(k) for k in knots], [curve.Multiplicity(k) for k in knots])
-    kv = _Knots(curve.Degree(), repeated)
+    weights = np.array([curve.Weight(k) for k in range(1, curve.NbPoles() + 1)])
+    full = np.column_stack([weights[:, None] * [pole.Coord() for pole in curve.Poles()], weights])
+    kv = _Knots(curve.Degree(), np.array([*curve.KnotSequence()]))
     if not _within(kv, low, high):
         return None
 

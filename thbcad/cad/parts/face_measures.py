@@ -98,14 +98,9 @@ def face_deviation(geometry: Geom_Surface, surface: FreeformSurface, vertex: flo
 
 
 def _spline_points(geometry: Geom_BSplineSurface) -> Floats:
-    spans = [
-        [knot(k) for k in range(1, count + 1)]
-        for knot, count in ((geometry.UKnot, geometry.NbUKnots()), (geometry.VKnot, geometry.NbVKnots()))
-    ]
+    spans = [np.array([*knots]) for knots in (geometry.UKnots(), geometry.VKnots())]
     fractions = np.arange(PER_SPAN) / PER_SPAN
-    u, v = (
-        np.append((np.array(b[:-1])[:, None] + np.diff(b)[:, None] * fractions).ravel(), b[-1]) for b in spans
-    )
+    u, v = (np.append((b[:-1, None] + np.diff(b)[:, None] * fractions).ravel(), b[-1]) for b in spans)
     return np.array([geometry.Value(a, b).Coord() for a in u.tolist() for b in v.tolist()])
 
 

@@ -73,20 +73,7 @@ def _face_within(face: TopoDS_Face, region: ConvexRegion) -> Floats | None:
     if isinstance(surface, Geom_Plane):
         return _plane_within(face, surface, region)
     pieces = face_pieces(face)
-    if pieces is None:
-        return np.empty((0, 3))
-    inside = _Inside(face, pieces)
-    cells = pieces.roots
-    for _ in range(HALVINGS):
-        cells = cells[~region.misses(pieces.nets(cells))]
-        cells = inside.kept(cells)
-        if not len(cells):
-            return None
-        points = inside.points(cells, region)
-        if len(points) or len(cells) > MOST:
-            return points
-        cells = split(cells)
-    return np.empty((0, 3))
+    return _pieces_within(pieces, region, None if pieces is None else _Inside(face, pieces))
 
 
 def _edge_within(edge: TopoDS_Edge, region: ConvexRegion) -> Floats | None:
@@ -96,20 +83,7 @@ def _edge_within(edge: TopoDS_Edge, region: ConvexRegion) -> Floats | None:
         ends = [np.array(curve.Value(t).Coord()) for t in (curve.FirstParameter(), curve.LastParameter())]
         part = region.part_of_line(*ends)
         return part.mean(axis=0, keepdims=True) if len(part) else None
-    pieces = edge_pieces(edge)
-    if pieces is None:
-        return np.empty((0, 3))
-    cells = pieces.roots
-    for _ in range(HALVINGS):
-        cells = cells[~region.misses(pieces.nets(cells))]
-        if not len(cells):
-            return None
-        points = pieces.nets(np.repeat(cells.mean(axis=1, keepdims=True), 2, axis=1))[:, 0]
-        points = points[region.holds(points)]
-        if len(points) or len(cells) > MOST:
-            return points
-        cells = split(cells)
-    return np.empty((0, 3))
+    return _pieces_within(edge_pieces(edge), region)
 
 
 def _plane_within(face: TopoDS_Face, plane: Geom_Plane, region: ConvexRegion) -> Floats | None:
@@ -138,7 +112,7 @@ class _Inside:
     """What of the rectangle of parameters round a face lies in the face."""
 
     def __init__(self, face: TopoDS_Face, pieces: Pieces) -> None:
-        self._face, self._nets, self._own = face, pieces.nets, pieces.own
+        self._face, self._own = face, pieces.own
         self._boxes = _edge_boxes(face) if pieces.own else np.empty((0, 4))
 
     def kept(self, cells: Floats) -> Floats:
@@ -148,23 +122,37 @@ class _Inside:
         a, b = cells[:, None], self._boxes[None]
         apart = (a[..., 0::2] > b[..., 1::2]).any(axis=-1) | (a[..., 1::2] < b[..., 0::2]).any(axis=-1)
         crossed: Bools = np.logical_not(np.all(apart, axis=1))
-        crossed[~crossed] = [self._holds(u, v) for u, v in self._middles(cells[~crossed]).tolist()]
+        crossed[~crossed] = self._holds(cells[~crossed].reshape(-1, 2, 2).mean(axis=2))
         return cells[crossed]
 
-    def points(self, cells: Floats, region: ConvexRegion) -> Floats:
-        """Return the middles of cells that lie in the face and in a region, (n, 3), mm."""
-        middles = self._middles(cells)
-        points = self._nets(np.repeat(middles, 2, axis=1))[:, 0]
-        inside = np.flatnonzero(region.holds(points))
-        if not self._own:
-            return points[inside[on_face(self._face, points[inside])]]
-        return points[[k for k in inside.tolist() if self._holds(*middles[k].tolist())]]
+    def held(self, parameters: Floats, points: Floats) -> Floats:
+        """Return those of the points at some parameters, (n, 2), that lie in the face, mm."""
+        return points[self._holds(parameters) if self._own else on_face(self._face, points)]
 
-    def _middles(self, cells: Floats) -> Floats:
-        return np.stack([cells[:, :2].mean(axis=1), cells[:, 2:].mean(axis=1)], axis=1)
+    def _holds(self, parameters: Floats) -> Bools:
+        places = (gp_Pnt2d(*row) for row in parameters.tolist())
+        states = [BRepClass_FaceClassifier(self._face, place, TOLERANCE).State() for place in places]
+        return np.array([state != TopAbs_OUT for state in states], dtype=bool)
 
-    def _holds(self, u: float, v: float) -> bool:
-        return BRepClass_FaceClassifier(self._face, gp_Pnt2d(u, v), TOLERANCE).State() != TopAbs_OUT
+
+def _pieces_within(pieces: Pieces | None, region: ConvexRegion, face: _Inside | None = None) -> Floats | None:
+    """Return points of an edge or a face inside a region, as `_face_within`; all of an edge counts."""
+    if pieces is None:
+        return np.empty((0, 3))
+    cells = pieces.roots
+    for _ in range(HALVINGS):
+        cells = cells[~region.misses(pieces.nets(cells))]
+        cells = cells if face is None else face.kept(cells)
+        if not len(cells):
+            return None
+        middles = cells.reshape(len(cells), -1, 2).mean(axis=2)
+        points = pieces.nets(np.repeat(middles, 2, axis=1))[:, 0]
+        inside = region.holds(points)
+        points = points[inside] if face is None else face.held(middles[inside], points[inside])
+        if len(points) or len(cells) > MOST:
+            return points
+        cells = split(cells)
+    return np.empty((0, 3))
 
 
 def _edge_boxes(face: TopoDS_Face) -> Floats:

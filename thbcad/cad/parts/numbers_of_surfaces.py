@@ -36,11 +36,6 @@ class SurfaceNumbers:
     fixed: Floats
     moved: Floats
 
-    @property
-    def count(self) -> int:
-        """How many numbers there are."""
-        return self.fixed.size + self.moved.size
-
     def matches(self, other: SurfaceNumbers) -> bool:
         """Return whether a motion can make the one of the other: one kind, the fixed numbers but for the
         digits that other programs leave out."""
@@ -79,7 +74,7 @@ class SurfaceNumbers:
             other.fixed.shape,
             other.moved.shape,
         ):
-            return self.count
+            return self.fixed.size + self.moved.size
         return int((self.fixed != other.fixed).sum() + (self.moved != other.moved).sum())
 
 
@@ -111,9 +106,8 @@ def surface_numbers(geom: Geom_Surface) -> SurfaceNumbers:
 def _of_spline(geom: Geom_BSplineSurface) -> SurfaceNumbers:
     rows, columns = range(1, geom.NbUPoles() + 1), range(1, geom.NbVPoles() + 1)
     poles = np.array([geom.Pole(i, j).Coord() for i in rows for j in columns])
-    knots = [(geom.UKnot(k), geom.UMultiplicity(k)) for k in range(1, geom.NbUKnots() + 1)]
-    knots += [(geom.VKnot(k), geom.VMultiplicity(k)) for k in range(1, geom.NbVKnots() + 1)]
-    fixed = np.ravel(knots)
+    u, v = zip(geom.UKnots(), geom.UMultiplicities()), zip(geom.VKnots(), geom.VMultiplicities())
+    fixed = np.ravel([*u, *v])
     kind = f"{SPLINE} {geom.UDegree()} {geom.VDegree()} {len(rows)} {len(columns)}"
     if geom.IsURational() or geom.IsVRational():
         kind += " rational"

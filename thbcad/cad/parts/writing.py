@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_Plane, Geom_Surface
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
@@ -16,7 +16,7 @@ from thbcad.cad.exchange import edges_of, faces_of, part_step, product_of, step_
 from thbcad.cad.parts.cadquery_lens import untagged
 from thbcad.cad.parts.named_booleans import named_part, numbered
 from thbcad.cad.parts.search import PlacedLens, is_shape, placed_lens
-from thbcad.cad.shapes import TOLERANCE, Part
+from thbcad.cad.shapes import BUILDER, TOLERANCE, Part
 from thbcad.checks import require_suffix, require_type
 from thbcad.io import write_bytes
 from thbcad.lens import Lens, Product
@@ -45,25 +45,23 @@ def _without_images(face: TopoDS_Face) -> None:
     booleans leave there may end a rounding before their edges do."""
     if not isinstance(BRep_Tool.Surface_s(face), Geom_Plane):
         return
-    builder = BRep_Builder()
     none: Any = None
     for edge in edges_of(face):
-        builder.UpdateEdge(edge, none, face, TOLERANCE)
+        BUILDER.UpdateEdge(edge, none, face, TOLERANCE)
 
 
 def _put_back(face: TopoDS_Face, surface: Geom_Surface) -> None:
     """Give a face another surface of the same points, and its edges the images that they had."""
-    builder = BRep_Builder()
     location = TopLoc_Location()
     if BRep_Tool.Surface_s(face, location) is surface and location.IsIdentity():
         return
     edges = edges_of(face)
     images = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for edge in edges]
-    builder.UpdateFace(face, surface, TopLoc_Location(), BRep_Tool.Tolerance_s(face))
+    BUILDER.UpdateFace(face, surface, TopLoc_Location(), BRep_Tool.Tolerance_s(face))
     if isinstance(surface, Geom_Plane):
         return
     for edge, image in zip(edges, images):
-        builder.UpdateEdge(edge, image, face, TOLERANCE)
+        BUILDER.UpdateEdge(edge, image, face, TOLERANCE)
 
 
 def write_step(

@@ -22,6 +22,6 @@ if TYPE_CHECKING:
     )
     from .patched_solid import patched_part
     from .plate_solid import plate_part
-    from .topology import NAMES, Part, closed_part, new_wire
+    from .topology import BUILDER, NAMES, Part, closed_part, new_wire
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

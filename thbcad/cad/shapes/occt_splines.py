@@ -6,7 +6,8 @@ needs to read or to write the file.
 
 import io
 import struct
-from collections.abc import Callable
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from OCP.BinTools import BinTools_SurfaceSet
@@ -51,11 +52,8 @@ def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
     geom = geom_surface(BSplineSurface(surface.kv_u, surface.kv_v, surface.coefficients))
     if np.ptp(surface.weights) == 0:
         return geom
-    row = TColStd_Array1OfReal(1, surface.kv_v.dim)
     for i, weights in enumerate(surface.weights.tolist(), 1):
-        for j, weight in enumerate(weights, 1):
-            row.SetValue(j, weight)
-        geom.SetWeightRow(i, row)
+        geom.SetWeightRow(i, _filled(TColStd_Array1OfReal, weights))
     return geom
 
 
@@ -68,9 +66,7 @@ def rational_geom_curve(curve: NURBSCurve) -> Geom_BSplineCurve:
     """Return a NURBSCurve with points (n, 3) as Geom_BSplineCurve; equal weights make a polynomial one."""
     if np.ptp(curve.weights) == 0:
         return geom_curve(curve.kv, curve.coefficients)
-    weights = TColStd_Array1OfReal(1, curve.kv.dim)
-    for k, weight in enumerate(curve.weights.tolist(), 1):
-        weights.SetValue(k, weight)
+    weights = _filled(TColStd_Array1OfReal, curve.weights.tolist())
     return Geom_BSplineCurve(_row_of_points(curve.coefficients), weights, *_knots(curve.kv), curve.kv.degree)
 
 
@@ -82,28 +78,23 @@ def trace(kv: KnotVector, poles: Floats) -> Geom2d_BSplineCurve:
 def spline_surface(geom: Geom_BSplineSurface) -> BSplineSurface | NURBSSurface:
     """Return a Geom_BSplineSurface with the very numbers of the file; a periodic one is cut at its ends."""
     geom = geom.Copy()
-    if geom.IsUPeriodic():
-        geom.SetUNotPeriodic()
-    if geom.IsVPeriodic():
-        geom.SetVNotPeriodic()
-    ends = [
-        (geom.UDegree(), geom.UMultiplicity, geom.NbUKnots()),
-        (geom.VDegree(), geom.VMultiplicity, geom.NbVKnots()),
-    ]
-    if any(multiplicity(k) != degree + 1 for degree, multiplicity, count in ends for k in (1, count)):
+    geom.SetUNotPeriodic()
+    geom.SetVNotPeriodic()
+    ends = geom.FirstUKnotIndex(), geom.FirstVKnotIndex(), geom.LastUKnotIndex(), geom.LastVKnotIndex()
+    if ends != (1, 1, geom.NbUKnots(), geom.NbVKnots()):
         geom.Segment(*geom.Bounds())  # clamps the knots; drops spans below 1e-9
-    kv_u = _knot_vector(geom.UDegree(), geom.UKnot, geom.UMultiplicity, geom.NbUKnots())
-    kv_v = _knot_vector(geom.VDegree(), geom.VKnot, geom.VMultiplicity, geom.NbVKnots())
+    kv_u = KnotVector(geom.UDegree(), [*geom.UKnotSequence()])
+    kv_v = KnotVector(geom.VDegree(), [*geom.VKnotSequence()])
     written, text = BinTools_SurfaceSet(), io.BytesIO()
     written.Add(geom)
     written.Write(text)
     rational, shape = geom.IsURational() or geom.IsVRational(), (geom.NbUPoles(), geom.NbVPoles())
     size = 4 if rational else 3
     rows = np.frombuffer(text.getbuffer(), "<f8", size * shape[0] * shape[1], len(BEFORE) + HEAD.size)
-    points = rows.reshape(*shape, size)[..., :3].astype(np.float64)
+    net = rows.reshape(*shape, size).astype(np.float64)
     if not rational:
-        return BSplineSurface(kv_u, kv_v, points)
-    return NURBSSurface(kv_u, kv_v, points, rows.reshape(*shape, size)[..., 3].astype(np.float64))
+        return BSplineSurface(kv_u, kv_v, net)
+    return NURBSSurface(kv_u, kv_v, net[..., :3], net[..., 3])
 
 
 def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> BSplineCurve | NURBSCurve:
@@ -116,33 +107,25 @@ def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> BSplineC
     clamped = all(geom.Multiplicity(k) == geom.Degree() + 1 for k in (1, geom.NbKnots()))
     if not clamped or (first, last) != (geom.FirstParameter(), geom.LastParameter()):
         geom.Segment(first, last)  # clamps the knots; drops spans below 1e-9
-    kv = _knot_vector(geom.Degree(), geom.Knot, geom.Multiplicity, geom.NbKnots())
-    numbers = range(1, geom.NbPoles() + 1)
-    points = np.array([geom.Pole(k).Coord() for k in numbers])
+    kv = KnotVector(geom.Degree(), [*geom.KnotSequence()])
+    points = np.array([pole.Coord() for pole in geom.Poles()])
     if not geom.IsRational():
         return BSplineCurve(kv, points)
-    return NURBSCurve(kv, points, np.array([geom.Weight(k) for k in numbers]))
+    return NURBSCurve(kv, points, np.array([*geom.Weights()]))
+
+
+def _filled(kind: Any, values: Sequence[Any]) -> Any:
+    """Return an array of OCCT of some kind that holds values."""
+    array = kind(1, len(values))
+    for k, value in enumerate(values, 1):
+        array.SetValue(k, value)
+    return array
 
 
 def _row_of_points(poles: Floats) -> TColgp_Array1OfPnt:
-    array = TColgp_Array1OfPnt(1, len(poles))
-    for k, (x, y, z) in enumerate(poles.tolist(), 1):
-        array.SetValue(k, gp_Pnt(x, y, z))
-    return array
+    return _filled(TColgp_Array1OfPnt, [gp_Pnt(*point) for point in poles.tolist()])
 
 
 def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     values, counts = np.unique(kv.knots, return_counts=True)
-    knots = TColStd_Array1OfReal(1, len(values))
-    multiplicities = TColStd_Array1OfInteger(1, len(values))
-    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
-        knots.SetValue(k, value)
-        multiplicities.SetValue(k, count)
-    return knots, multiplicities
-
-
-def _knot_vector(
-    degree: int, knot: Callable[[int], float], multiplicity: Callable[[int], int], count: int
-) -> KnotVector:
-    numbers = range(1, count + 1)
-    return KnotVector(degree, np.repeat([knot(k) for k in numbers], [multiplicity(k) for k in numbers]))
+    return _filled(TColStd_Array1OfReal, values.tolist()), _filled(TColStd_Array1OfInteger, counts.tolist())

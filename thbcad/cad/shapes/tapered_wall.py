@@ -10,9 +10,9 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from thbcad.cad.shapes.occt_splines import geom_curve, trace
-from thbcad.cad.shapes.walls import Ring, UprightWall, level_curve, ring_along, start_of, wall_faces
+from thbcad.cad.shapes.walls import Ring, UprightWall, level_curve, ring_along, start_of, traced, wall_faces
 from thbcad.moulds import DraftedWall, Foot
-from thbcad.outlines import Arc, Line
+from thbcad.outlines import Arc
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +80,8 @@ class TaperedWall:
         return self._traced(ring, images)
 
     def _traced(self, ring: Ring, images: Sequence[Geom2d_Line]) -> Ring:
-        pieces = self.drafted.outline.pieces
-        return replace(
-            ring,
-            traces=[None if isinstance(p, Line) else image for p, image in zip(pieces, images)],
-            heights=[self._along_strut(k, z) for k, z in enumerate(ring.heights)],
-        )
+        heights = [self._along_strut(k, z) for k, z in enumerate(ring.heights)]
+        return replace(traced(ring, self.drafted.outline.pieces, images), heights=heights)
 
 
 def drafted_faces(wall: TaperedWall | UprightWall, low: Ring, high: Ring) -> list[TopoDS_Face]:

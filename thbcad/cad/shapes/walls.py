@@ -142,24 +142,14 @@ class UprightWall:
         starts = [start_of(piece, z) for piece in self.pieces]
         curves = [level_curve(piece, z) for piece in self.pieces]
         image = Geom2d_Line(gp_Pnt2d(0.0, z), gp_Dir2d(1, 0))
-        return self._ring(starts, curves, [image] * len(curves))
+        return traced(ring_along(curves, starts), self.pieces, [image] * len(curves))
 
     def rim(self, rims: Sequence[Rim]) -> Ring:
         """Return the ring along splines (x, y, z) over the pieces; vertices have their z as height."""
         starts = [start_of(piece, float(poles[0, 2])) for piece, (_, poles) in zip(self.pieces, rims)]
         curves = [(geom_curve(*own), own[0].start, own[0].stop) for own in rims]
         images = [trace(kv, np.column_stack([kv.greville(), poles[:, 2]])) for kv, poles in rims]
-        return self._ring(starts, curves, images)
-
-    def _ring(
-        self,
-        starts: Sequence[Floats],
-        curves: Sequence[Bounded],
-        images: Sequence[Geom2d_Curve],
-    ) -> Ring:
-        ring = ring_along(curves, starts)
-        traces = [None if isinstance(p, Line) else image for p, image in zip(self.pieces, images)]
-        return replace(ring, traces=traces)
+        return traced(ring_along(curves, starts), self.pieces, images)
 
 
 def start_of(piece: RimPiece, z: float) -> Floats:
@@ -272,3 +262,8 @@ def ring_along(curves: Sequence[Bounded], starts: Sequence[Floats], clockwise: S
         pair = vertices[k], vertices[(k + 1) % len(vertices)]
         edges.append(turned(new_edge(*curve, *(pair[::-1] if reverse else pair)), reverse))
     return Ring(vertices, edges, (None,) * len(edges), [float(point[2]) for point in starts])
+
+
+def traced(ring: Ring, pieces: Sequence[RimPiece], images: Sequence[Geom2d_Curve]) -> Ring:
+    """Return a ring with images of its edges in a wall over pieces, whose planes, over lines, need none."""
+    return replace(ring, traces=[None if isinstance(p, Line) else image for p, image in zip(pieces, images)])
