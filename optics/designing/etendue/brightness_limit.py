@@ -9,6 +9,7 @@ flux Phi on the pixels of the target, their sum is known too.  The light beside 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -131,13 +132,8 @@ def least_distance(goal: Floats, most: Floats) -> float | None:
 def _multiplier(g: Floats, c: Floats, total: float) -> float:
     """Return the s <= 0 with sum min(c, g - s) = total, where c < g somewhere."""
     points = np.unique(np.minimum(g - c, 0.0))
-    low, high = 0, len(points) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if np.minimum(c, g - points[middle]).sum() > total:
-            low = middle
-        else:
-            high = middle
-    a, b = points[low], points[high]
+    inner = range(1, len(points) - 1)
+    low = bisect_left(inner, True, key=lambda k: bool(np.minimum(c, g - points[k]).sum() <= total))
+    a, b = points[low], points[min(low + 1, len(points) - 1)]
     over, under = (float(np.minimum(c, g - s).sum()) for s in (a, b))
     return float(a + (b - a) * (over - total) / (over - under)) if over > under else float(b)

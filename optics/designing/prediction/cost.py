@@ -24,8 +24,8 @@ IN_PLATE = 1.2  # s more for each lens of a plate, through which the crosstalk i
 SEARCHED, BOTH_FREE = 2.33, 2.95  # times RAY, where rays are searched for; through two free surfaces
 DRAWN = 0.55  # times that, in single precision
 # the peaks of overview.json and of the twenty pictures within 1.2 times
-BASE_MB = 870.0
-BYTES = 260  # per ray
+BASE_MB = 890.0
+BYTES = 250  # per ray
 CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
 

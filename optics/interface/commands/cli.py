@@ -15,7 +15,9 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from ctypes import pythonapi
+from functools import partialmethod
 from importlib import import_module
+from inspect import signature
 from typing import Any, TextIO
 
 from optics.base.runtime import NumericalError, UserError, address_limit, printable
@@ -27,6 +29,7 @@ from thbcad.doors import MissingPackage, missing_packages, not_installed
 from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
+LIGHT = ("bench", "completion", "new")  # commands that need no SciPy
 FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
 DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
@@ -69,6 +72,8 @@ def _run(options: Namespace) -> int:
     missing = [] if options.command in FREE else missing_packages("optics")
     if missing:
         raise UserError(not_installed(missing, "optics"))
+    if options.command not in LIGHT:
+        _leave_docstrings_unread()
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with ExitStack() as stack:
         if options.quiet:  # an error that ends the command is told behind it
@@ -78,6 +83,15 @@ def _run(options: Namespace) -> int:
         text = json_text(outcome.data) if options.json else "\n".join(map(printable, outcome.lines))
         print(text, flush=True)
     return outcome.code
+
+
+def _leave_docstrings_unread() -> None:
+    """Let SciPy load without its docstrings, which nobody sees: to read them takes a third of its time."""
+    with suppress(ImportError):  # another version of SciPy
+        from scipy._lib._docscrape import FunctionDoc
+
+        if "doc" in signature(FunctionDoc).parameters:
+            FunctionDoc.__init__ = partialmethod(FunctionDoc.__init__, doc="")
 
 
 def _failed(error: Exception, verbose: bool) -> int:

@@ -52,19 +52,9 @@ def option(
     picture : the value is the path of a picture.  auto : the number may be left to the program.
     zero : 0 is allowed too.
     """
-    limits = {
-        "choices": choices,
-        "low": low,
-        "high": high,
-        "above": above,
-        "size": size,
-        "note": note,
-        "infinite": infinite,
-        "picture": picture,
-        "auto": auto,
-        "zero": zero,
-    }
-    return field(default=default, metadata=limits) if default is not MISSING else field(metadata=limits)
+    limits = dict(choices=choices, low=low, high=high, above=above, size=size, note=note)
+    limits |= dict(infinite=infinite, picture=picture, auto=auto, zero=zero)
+    return field(default=default, metadata=limits)
 
 
 def record(kind: type[Kind], data: object, folder: Path | None = None) -> Kind:
