@@ -85,6 +85,7 @@ class HelperProcess:
             for work in [work for work, kept in _KEPT.items() if kept is self]:
                 del _KEPT[work]
             self._caller.submit(self._alive.close)
+            self._caller.submit(self._process.wait)
 
     def stop(self) -> None:
         """End the process as Ctrl-C does, so that no half of a file is left, or else without asking.
@@ -125,7 +126,7 @@ def answered(request: Future[Any], function: Callable[..., Any], *arguments: Any
 def process_for(work: str, forked: bool = False) -> Iterator[HelperProcess]:
     """Yield the HelperProcess of this one for some work.  forked : as of a new one.
 
-    It is kept for the next time, unless what is done with it fails.
+    It is kept for the next time, unless it is `done` or what is done with it fails.
     """
     process = _KEPT[work] = _KEPT.get(work) or HelperProcess(forked)
     try:

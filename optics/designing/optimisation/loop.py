@@ -230,9 +230,8 @@ class _Run:
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         objective = of_stage(stage, background=task.background)
-        start = [sag.coefficients for sag in state.sags]
         curvature = (objective if stage.roughly is stage else of_stage(stage.roughly)).curvature(
-            start, PROBES, system.problem.run.seed
+            variables.coefficients(variables.zeros())[0], PROBES, system.problem.run.seed
         )
         if last:  # more rays than all before need the memory that these had
             self.backend.release()

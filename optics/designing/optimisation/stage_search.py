@@ -71,7 +71,7 @@ class Search:
     """What is lowered, and where it begins.
 
     sags : the start.  variables : around it.
-    curvature : of the fit there, as of `Objective.curvature`; None where the variables are scaled by it.
+    curvature : of the fit where the stage starts, as of `Objective.curvature`; None: the variables know it.
     """
 
     problem: Problem
@@ -115,8 +115,8 @@ class Found:
 def minimised(search: Search, iterations: int, log: Log) -> Found:
     """Return the best sags that the problem's method finds from the start of a search.
 
-    Weights are scaled by the fit's curvature at the start, where the fit is most of the loss there.  L-BFGS
-    stops where the root of the loss fell by less than FLAT per step, over STEPS steps.
+    Weights are scaled by the fit's curvature where the stage starts, if the fit is most of the loss here.
+    L-BFGS stops where the root of the loss fell by less than FLAT per step, over STEPS steps.
 
     Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
     """

@@ -73,7 +73,7 @@ class Written:
 def helpers(forked: bool = False) -> Iterator[tuple[HelperProcess, HelperProcess]]:
     """Yield the processes that export solids and that draw figures.  forked : as of a HelperProcess.
 
-    OpenCASCADE and matplotlib take a second to load, each in its own, which later designs use again.
+    OpenCASCADE and matplotlib take a second to load, each in its own; one that is not forked is used again.
     """
     with process_for(SOLIDS, forked) as solids, process_for(FIGURES, forked) as drawing:
         yield solids, drawing

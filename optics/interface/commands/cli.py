@@ -15,7 +15,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from ctypes import pythonapi
-from functools import partialmethod
+from functools import cache, partialmethod
 from importlib import import_module
 from inspect import signature
 from typing import Any, TextIO
@@ -29,7 +29,6 @@ from thbcad.doors import MissingPackage, missing_packages, not_installed
 from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
-LIGHT = ("bench", "completion", "new")  # commands that need no SciPy
 FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
 DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
@@ -72,7 +71,7 @@ def _run(options: Namespace) -> int:
     missing = [] if options.command in FREE else missing_packages("optics")
     if missing:
         raise UserError(not_installed(missing, "optics"))
-    if options.command not in LIGHT:
+    if options.command not in ("bench", "completion", *FREE):  # which need no SciPy
         _leave_docstrings_unread()
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with ExitStack() as stack:
@@ -85,6 +84,7 @@ def _run(options: Namespace) -> int:
     return outcome.code
 
 
+@cache
 def _leave_docstrings_unread() -> None:
     """Let SciPy load without its docstrings, which nobody sees: to read them takes a third of its time."""
     with suppress(ImportError):  # another version of SciPy
