@@ -58,6 +58,7 @@ class HelperProcess:
     def __init__(self, forked: bool = False) -> None:
         self._process: subprocess.Popen[bytes]
         self._forked = forked and forks_safely()
+        self.ended = False  # by `done`
         self._pipe, theirs = Pipe()
         alive, self._alive = Pipe(duplex=False)  # see `obey`
         paths = os.pathsep.join(map(os.path.abspath, sys.path))
@@ -82,8 +83,7 @@ class HelperProcess:
     def done(self) -> None:
         """End a forked process once it has answered, for its memory; another one waits to be asked again."""
         if self._forked:
-            for work in [work for work, kept in _KEPT.items() if kept is self]:
-                del _KEPT[work]
+            self.ended = True
             self._caller.submit(self._alive.close)
             self._caller.submit(self._process.wait)
 
@@ -128,7 +128,9 @@ def process_for(work: str, forked: bool = False) -> Iterator[HelperProcess]:
 
     It is kept for the next time, unless it is `done` or what is done with it fails.
     """
-    process = _KEPT[work] = _KEPT.get(work) or HelperProcess(forked)
+    process = _KEPT.get(work)
+    if process is None or process.ended:
+        process = _KEPT[work] = HelperProcess(forked)
     try:
         yield process
     except BaseException:

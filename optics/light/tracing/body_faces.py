@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from optics.base.runtime import Backend, DrArray
 from optics.light.intersections import DeviceRays, PlacedSurface
 from optics.light.tracing.graph_face import START, GraphFace, Jet, Meeting
-from optics.light.tracing.lens_faces import RIM, lens_faces, surface_face
+from optics.light.tracing.lens_faces import RIM, PlaneFace, lens_faces, surface_face
 from thbcad.checks import Bools, Floats
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import DraftedWall, MouldedBody, Plate
@@ -196,32 +197,14 @@ def body_faces(backend: Backend, body: MouldedBody) -> list[Face]:
     if inner is not None and small is not None:
         outward = (-1.0, 1.0)[small]
         outer, hole = WalledRegion(backend, body.walls[small], RIM * size), WalledRegion(backend, inner)
-        flat = FreeformSurface(body.walls[small].at(inner.level).half_width)
-        plane = surface_face(backend, PlacedSurface(backend, flat, inner.level), flat.outline, outward, size)
-        faces.append(PartOfPlane(backend, plane, lambda point: outer.holds(point) & ~hole.holds(point)))
+
+        def on_land(point: Jet) -> DrArray:
+            return outer.holds(point) & ~hole.holds(point)
+
+        faces.append(PlaneFace(backend, 2, outward, outward * inner.level, size, on_land))
         if body.stepped:
             faces.append(DraftedFace(hole, inner, inner.side == outward, size, graphs[small]))
     return faces
-
-
-@dataclass(eq=False)
-class PartOfPlane:
-    """The part of a plane face, which rays meet once, whose points a mask holds."""
-
-    backend: Backend
-    face: Face
-    holds: Callable[[Jet], DrArray]
-
-    def reach(self, rays: DeviceRays) -> DrArray:
-        """Return the path before which no ray meets the face."""
-        return self.face.reach(rays)
-
-    def meet(self, rays: DeviceRays) -> Meeting:
-        """Return the Meeting of rays with the face."""
-        dr, met = self.backend.dr, self.face.meet(rays)
-        found = dr.isfinite(met.path)
-        found &= self.holds(rays.at(dr.select(found, met.path, 0)))
-        return replace(met, path=dr.select(found, met.path, dr.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,16 +236,21 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
     low, high = map(backend.opaque, (plate.low, plate.high))
     faces: list[Face] = [front, rear]
+
+    def beside_land(wall: PlaneFace, point: Jet) -> DrArray:
+        return wall.holds(point) & ((point[2] <= low) | (point[2] >= high))
+
     for wall in walls:
         if isinstance(wall, GraphFace):  # which rays may meet again beyond the land
             ends = [0, 0, -1, plate.low + RIM * size], [0, 0, 1, RIM * size - plate.high]
             faces += [replace(wall, domain=np.vstack([wall.domain, end])) for end in ends]
-        else:
-            faces.append(PartOfPlane(backend, wall, lambda point: (point[2] <= low) | (point[2] >= high)))
-    flat = FreeformSurface(plate.outline.half_width)
-    below, above, *sides = lens_faces(backend, Lens(flat, flat, plate.high - plate.low, plate.index))
-    between = _between_lenses(backend, plate, [w for w in walls if isinstance(w, GraphFace)])
-    land = [*(PartOfPlane(backend, plane, between) for plane in (below, above)), *sides]
+        elif isinstance(wall, PlaneFace):
+            faces.append(replace(wall, holds=partial(beside_land, wall)))
+    flat, thick = FreeformSurface(plate.outline.half_width), plate.high - plate.low
+    _, _, *sides = lens_faces(backend, Lens(flat, flat, thick, plate.index))
+    between = _between_lenses(backend, plate, [w for w in walls if isinstance(w, GraphFace)], RIM * size)
+    planes = (PlaneFace(backend, 2, *plane, size, between) for plane in ((-1.0, 0.0), (1.0, thick)))
+    land = [*planes, *sides]
     heights = np.concatenate([g.coefficients.ravel() + z for g, z in zip(lens.graphs(), (0, lens.thickness))])
     half, more = np.max([lens.front.half_width, lens.rear.half_width], axis=0), 1e-6 * size
     box = np.array([[*-half, heights.min()], [*half, heights.max()]])
@@ -275,14 +263,17 @@ def plate_faces(backend: Backend, plate: Plate) -> list[PlateFaces]:
     ]
 
 
-def _between_lenses(backend: Backend, plate: Plate, slanted: Sequence[GraphFace]) -> Callable[[Jet], DrArray]:
+def _between_lenses(
+    backend: Backend, plate: Plate, slanted: Sequence[GraphFace], more: float
+) -> Callable[[Jet], DrArray]:
     """Return the mask of points of the land, in its own frame, that no lens fills.
 
-    slanted : walls of one.
+    slanted : walls of one.  more : mm, by which the land reaches over its rim.
     """
     dr, opaque = backend.dr, backend.opaque
     lens, level = plate.lens, opaque(plate.low)
     half = [opaque(max(pair)) for pair in zip(lens.front.half_width, lens.rear.half_width)]
+    wide = [opaque(h + more) for h in plate.outline.half_width]
     pitch, last = [opaque(p) for p in plate.pitch], [opaque(n - 1.0) for n in plate.counts]
 
     def between(point: Jet) -> DrArray:
@@ -294,6 +285,6 @@ def _between_lenses(backend: Backend, plate: Plate, slanted: Sequence[GraphFace]
         filled = (dr.abs(x) <= half[0]) & (dr.abs(y) <= half[1])
         for wall in slanted:
             filled &= ~wall.covers(x, y) | wall.encloses((x, y, z))
-        return ~filled
+        return (dr.abs(point[0]) <= wide[0]) & (dr.abs(point[1]) <= wide[1]) & ~filled
 
     return between

@@ -7,8 +7,10 @@ rounded, one ruled wall joins the rims.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_, or_
 
 import numpy as np
 
@@ -26,28 +28,29 @@ WALL = 1e-9  # of the lens's size: rims whose half-widths differ by less are joi
 
 
 @dataclass(eq=False)
-class WallFace:
-    """The part of a plane that the graph faces enclose.
+class PlaneFace:
+    """The part of the plane s a = distance whose points a mask holds.
 
-    The plane is s x = half_width (axis 0) or s y = half_width (axis 1), s = +-1.
+    a is x, y or z, by the axis.  sign : s = +-1; air lies at greater s a.
     """
 
     backend: Backend
     axis: int
     sign: float
-    half_width: float
-    graphs: list[GraphFace]
+    distance: float
+    size: float
+    holds: Callable[[Jet], DrArray | bool]
 
     def __post_init__(self) -> None:
-        self._sign, self._half = map(self.backend.opaque, (self.sign, self.half_width))
+        numbers = self.sign, self.distance, START * self.size
+        self._sign, self._distance, self._near = map(self.backend.opaque, numbers)
 
     def reach(self, rays: DeviceRays) -> DrArray:
         """Return the path at which rays meet the endless plane; inf where they do not."""
         dr = self.backend.dr
         speed = self._sign * rays.direction[self.axis]
-        t = (self._half - self._sign * rays.origin[self.axis]) / speed
-        start = -START * self.half_width
-        found = ((speed > 0) == rays.inside) & (speed != 0) & (t >= start)
+        t = (self._distance - self._sign * rays.origin[self.axis]) / speed
+        found = ((speed > 0) == rays.inside) & (speed != 0) & (t >= -self._near)
         return dr.select(found, dr.maximum(t, 0), dr.inf)
 
     def meet(self, rays: DeviceRays) -> Meeting:
@@ -56,22 +59,14 @@ class WallFace:
         reach = self.reach(rays)
         found = dr.isfinite(reach)
         t = dr.select(found, reach, 0)
-        x, y, z = rays.at(t)
-        if self.axis == 0:
-            x = self._sign * self._half
-        else:
-            y = self._sign * self._half
-        covered = False
-        for face in self.graphs:
-            above = face.covers(x, y)
-            covered = above | covered
-            found = found & (~above | face.encloses((x, y, z)))
-        zero = Float(0)
-        normal = (self._sign, zero, zero) if self.axis == 0 else (zero, self._sign, zero)
-        return Meeting(dr.select(found & covered, t, dr.inf), normal, Float(dr.inf))
+        point, normal = list(rays.at(t)), [Float(0)] * 3
+        point[self.axis], normal[self.axis] = self._sign * self._distance, self._sign
+        x, y, z = point
+        nx, ny, nz = normal
+        return Meeting(dr.select(found & self.holds((x, y, z)), t, dr.inf), (nx, ny, nz), Float(dr.inf))
 
 
-def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace | RuledWall]:
+def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | PlaneFace | RuledWall]:
     """Return the front, the rear and the edges: +x, -x, +y, -y of a rectangle, else one."""
     size = max(*lens.front.half_width, *lens.rear.half_width, lens.thickness)
     surfaces = [PlacedSurface(backend, lens.front, 0.0), PlacedSurface(backend, lens.rear, lens.thickness)]
@@ -86,8 +81,15 @@ def lens_faces(backend: Backend, lens: Lens) -> list[GraphFace | WallFace | Rule
     sides = [(axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
     slanted = [side for side in sides if abs(np.subtract(*rims[side[0]])) > WALL * size]
     graphs += [_edge_face(_Edge(surfaces, *side), size) for side in slanted]
+
+    def enclosed(point: Jet) -> DrArray | bool:
+        x, y, _ = point
+        above = [face.covers(x, y) for face in graphs]
+        within = (~covered | face.encloses(point) for covered, face in zip(above, graphs))
+        return reduce(or_, above) & reduce(and_, within)
+
     walls = [
-        WallFace(backend, axis, sign, min(rims[axis]), graphs)
+        PlaneFace(backend, axis, sign, min(rims[axis]), min(rims[axis]), enclosed)
         for axis, sign in sides
         if (axis, sign) not in slanted
     ]
