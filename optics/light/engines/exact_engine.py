@@ -82,6 +82,7 @@ def measured_rays(
         lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front
         cells = system.source.cells([n - 1 for n in film.rays], lit).half(film.axes)
         rays = cells.rays()
-        return rays, MappedCells(backend, film.screen, cells.emitted, rays.flux, cells.turned), film.axes
+        mapped = MappedCells(backend, film.screen, cells.emitted, rays.flux, cells.turned, film.axes)
+        return rays, mapped, film.axes
     rays, axes = drawn(system.source, film)
     return rays, film.window, axes
