@@ -165,5 +165,5 @@ def test_a_missing_file_and_a_wrong_word_are_named(tmp_path: Path) -> None:
 
 def test_a_device_without_end_is_refused(monkeypatch) -> None:
     monkeypatch.setattr(measured_points, "MOST_BYTES", 1000)
-    with pytest.raises(UserError, match="more than 1,000 bytes"):
-        measured_points.read_bytes("/dev/zero")
+    with pytest.raises(UserError, match="larger than the 1,000 bytes allowed"):
+        read_measured("/dev/zero", SURFACE)
