@@ -42,7 +42,7 @@ WINGS = {
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
 FLOORS = [
-    ["thbcad.doors", "thbcad.checks", "thbcad.values"],
+    ["thbcad.doors", "thbcad.checks", "thbcad.files", "thbcad.texts", "thbcad.values"],
     ["thbcad.pictures", "thbcad.poses", "thbcad.splines", "thbcad.toml"],
     ["thbcad.hierarchy", "thbcad.outlines", "thbcad.sags"],
     ["thbcad.surfaces"],
@@ -69,7 +69,9 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 # `thbcad bench` is a thin door to the benchmarks of a checkout
 UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
 # rooms of one file, which is its own door
-SINGLE_FILES = {f"thbcad.{file}" for file in ("checks", "doors", "pictures", "poses", "toml", "values")}
+SINGLE_FILES = {
+    f"thbcad.{file}" for file in ("checks", "doors", "files", "pictures", "poses", "texts", "toml", "values")
+}
 MOST_FILES = 13  # of a room, besides its door
 
 

@@ -6,6 +6,7 @@ if TYPE_CHECKING:
     from .atomic_files import json_text, write_bytes, write_files, write_text
     from .brep_measure import NotMeasured, areas, volume
     from .brep_records import MILLIMETRE, Brep, BrepCurve, BrepEdge, BrepFace, edge_span
+    from .json_values import read_json
     from .lens_json import lens_from_dict, lens_to_dict, read_lens, write_lens
     from .mesh_files import obj_bytes, ply_bytes, require_single, stl_bytes, threemf_bytes
     from .parameter_curves import image_distance, turned_faces

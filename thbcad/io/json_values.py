@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from thbcad.checks import Floats
+from thbcad.files import regular_bytes
 from thbcad.io.atomic_files import write_text
+from thbcad.texts import text_of
 
 
 def write_json(data: object, path: str | Path) -> None:
@@ -17,10 +19,20 @@ def write_json(data: object, path: str | Path) -> None:
 
 
 def read_json(path: str | Path, content: str) -> Any:
-    """Return the content of a JSON file."""
+    """Return the data of a JSON file.
+
+    content : what the file should be, for the message.
+
+    Raises OSError : it cannot be read, or is no regular file.
+    Raises ValueError : it is no JSON text, or an object has a key twice.
+    """
     try:
-        return json.loads(Path(path).read_text("utf-8"), object_pairs_hook=_once)
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        text = text_of(regular_bytes(path))
+    except ValueError as error:
+        raise ValueError(f"{path} is not a {content} file: {error}") from None
+    try:
+        return json.loads(text, object_pairs_hook=_once)
+    except json.JSONDecodeError as error:
         raise ValueError(f"{path} is not a {content} file: {error}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a {content} file: it is nested too deeply") from None

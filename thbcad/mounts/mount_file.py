@@ -6,7 +6,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from thbcad.files import file_or_pipe_bytes
 from thbcad.mounts.records import Gate, Hole, Mount, MountFlange, Places, Post
+from thbcad.texts import text_of
 from thbcad.toml import toml_tables
 
 MOST_BYTES = 1 << 20  # a mount has some kB
@@ -15,19 +17,14 @@ MOST_BYTES = 1 << 20  # a mount has some kB
 def read_mount(path: str | Path) -> Mount:
     """Read a mount.toml.
 
+    path : of a file, or of a pipe.
+
     Raises OSError : the file cannot be read.
-    Raises ValueError : it is no TOML; as `mount_of`.  Messages begin with the path.
+    Raises ValueError : it is no TOML; as `mount_of`.  Messages name the path.
     """
-    path = Path(path)
-    with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
+    data = file_or_pipe_bytes(path, MOST_BYTES)
     try:
-        if len(data) > MOST_BYTES:
-            raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-        tables = toml_tables(data.decode("utf-8-sig"))  # editors of Windows put a mark before the text
-        return mount_of(tables)
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: it is not UTF-8 text") from None
+        return mount_of(toml_tables(text_of(data)))
     except ValueError as error:  # that of TOML too
         raise ValueError(f"{path}: {error}") from None
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from optics.base.runtime.errors import UserError
+from thbcad.files import NotRegular, file_or_pipe_bytes, regular_bytes, require_regular
 
 REFUSED = re.compile(r'[<>:"/\\|?*\x00-\x1f]|[ .]$')
 DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE)
@@ -35,19 +35,8 @@ def require_regular_file(path: str | Path, noun: str = "") -> None:
 
     Raises UserError : no such file, or none that holds data.
     """
-    name = f"{noun} {path}".lstrip()
-    try:
-        mode = Path(path).stat().st_mode
-    except UnicodeEncodeError as error:
-        raise UserError(
-            f"cannot read {name}: this locale ({error.encoding}) has no such name; set LC_ALL=C.UTF-8"
-        ) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UserError(f"cannot read {name}: {reason}; check the path") from None
-    if not stat.S_ISREG(mode):
-        found = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
-        raise UserError(f"cannot read {name}: it is {found}; give the path of a file")
+    with _read(path, noun):
+        require_regular(path)
 
 
 @contextmanager
@@ -64,17 +53,33 @@ def reading(path: str | Path) -> Iterator[None]:
         raise UserError(str(error)) from None
 
 
-def read_at_most(path: str | Path, most: int) -> bytes:
-    """Return what a file holds.
+def read_at_most(path: str | Path, most: int, pipes: bool = False) -> bytes:
+    """Return the content of a file.  pipes : a pipe may give it, too.
 
     Raises UserError : it cannot be read, or it is longer than `most` bytes.
     """
-    require_regular_file(path)
+    with _read(path):
+        return file_or_pipe_bytes(path, most) if pipes else regular_bytes(path, most)
+
+
+@contextmanager
+def _read(path: str | Path, noun: str = "") -> Iterator[None]:
+    """Say in one sentence why the block cannot read a file.
+
+    Raises UserError : an OSError or a ValueError of the block.
+    """
+    name = f"{noun} {path}".lstrip()
     try:
-        with open(path, "rb") as file:
-            data = file.read(most + 1)
+        yield
+    except UnicodeEncodeError as error:
+        raise UserError(
+            f"cannot read {name}: this locale ({error.encoding}) has no such name; set LC_ALL=C.UTF-8"
+        ) from None
     except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}; check who may read it") from None
-    if len(data) > most:
-        raise UserError(f"{path} is larger than the {most} bytes allowed; is it the right file?")
-    return data
+        remedy = "check who may read it" if isinstance(error, PermissionError) else "check the path"
+        if isinstance(error, NotRegular):
+            remedy = "give the path of a file"
+        raise UserError(f"cannot read {name}: {error.strerror or error}; {remedy}") from None
+    except ValueError as error:
+        reason = str(error) if str(path) in str(error) else f"cannot read {name}: {error}; check the path"
+        raise UserError(reason) from None

@@ -8,7 +8,6 @@ steepest angle theta of a surface, and the middle period p = sqrt(p0 p1) of a ba
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, floor, inf, log10, pi, radians, sqrt
@@ -22,6 +21,7 @@ from optics.exchange.results import ResultFolder, sha256_of
 from optics.scene.problem import Placed
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
+from thbcad.io import read_json
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
@@ -65,7 +65,7 @@ class SheetFacts:
             )
         files = [folder.path / name for name in ("verify.json", "manufacture.json")]
         folder.require_recorded(["lens.step", *(file.name for file in files)])
-        verified, made = (json.loads(file.read_text("utf-8")) for file in files)
+        verified, made = (read_json(file, "record") for file in files)
         failed = [c.name for c in checks_of(verified) if c.subject == "file" and not c.ok]
         if failed:
             raise UserError(
@@ -171,7 +171,7 @@ def _tolerances(path: Path, run: str) -> Mapping[str, Any] | None:
     if not path.exists():
         return None
     try:
-        known: Mapping[str, Any] = json.loads(path.read_text("utf-8"))
+        known: Mapping[str, Any] = read_json(path, "record")
         own = known["run_id"] == run
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         raise UserError(f"{path} is damaged; run thbcad tolerance again") from None

@@ -1,7 +1,6 @@
 """What a pack holds, as one zip whose bytes depend on the result alone."""
 
 import io
-import json
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,11 +22,12 @@ from optics.exchange.packs.expected import (
     table_text,
 )
 from optics.exchange.packs.readme import DRAWING, Told, texts
-from optics.exchange.results import ResultFolder
+from optics.exchange.results import ResultFolder, read_arrays
 from optics.scene.ray_files import RaySet
 from optics.scene.receivers import FarField, Plane
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
+from thbcad.io import read_json
 from thbcad.lens import Lens
 
 EPOCH = 1980, 1, 1, 0, 0, 0  # the date of every file in a zip
@@ -81,7 +81,7 @@ def packed(result: str, wanted: str) -> Pack:
 def _verified(folder: ResultFolder) -> dict[str, Any]:
     """Return the metrics of a result."""
     folder.require_recorded(CLAIMS)
-    verified, metrics = (json.loads((folder.path / name).read_text("utf-8")) for name in CLAIMS[1:3])
+    verified, metrics = (read_json(folder.path / name, "record") for name in CLAIMS[1:3])
     failed = [check.name for check in checks_of(verified) if check.subject == "file" and not check.ok]
     if failed:
         raise UserError(
@@ -138,8 +138,7 @@ def _light(
 ) -> tuple[dict[str, bytes], list[Quantity]]:
     """Return the files of the light to expect, and its numbers."""
     npz, png = (folder.path / name for name in CLAIMS[3:])
-    with np.load(npz, allow_pickle=False) as arrays:
-        light = {name: arrays[name] for name in ("irradiance", "target")}
+    light = read_arrays(npz, ("irradiance", "target"))
     files = {
         "irradiance.npz": npz.read_bytes(),
         "irradiance.csv": _image_text(system, light["irradiance"]),

@@ -14,7 +14,7 @@ from optics.designing.optimisation import Row, State, stages
 from optics.exchange.results.identity import fingerprint
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
-from thbcad.io import sag_from_dict, sag_to_dict, write_text
+from thbcad.io import read_json, sag_from_dict, sag_to_dict, write_text
 from thbcad.surfaces import THBSurface
 
 SCHEMA, VERSION = "thbcad-checkpoint", 5
@@ -113,7 +113,7 @@ def _sag_from_dict(data: dict[str, Any]) -> THBSurface:
 
 
 def _data(path: Path) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    data: dict[str, Any] = read_json(path, "checkpoint")
     if data["schema"] != SCHEMA or data["version"] != VERSION:
         raise ValueError("unknown schema or version")
     return data

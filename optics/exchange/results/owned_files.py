@@ -5,14 +5,14 @@ that shows a run belongs to the last run, and no record speaks of it.
 """
 
 import hashlib
-import json
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, is_text
-from thbcad.io import json_text, write_files, write_text
+from thbcad.files import require_regular
+from thbcad.io import json_text, read_json, write_files, write_text
 
 HASHES = "sha256"  # key of a record: hashes by file name, relative to the record's folder
 BEFORE = "sha256_before"  # another, while files are replaced: lists of those that they may still have
@@ -23,6 +23,7 @@ MARK = "<!-- a live page of thbcad: the next run in this folder replaces it -->\
 
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, hexadecimal."""
+    require_regular(path)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -58,7 +59,7 @@ def write_recorded(
 def recorded(record: Path, key: str = HASHES) -> dict[str, Any]:
     """Return the hashes that a record holds, none where there is no record."""
     try:
-        data = json.loads(record.read_text("utf-8"))
+        data = read_json(record, "record")
     except (OSError, ValueError, RecursionError):
         return {}
     held = data.get(key) if isinstance(data, Mapping) else None

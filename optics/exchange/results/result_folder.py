@@ -5,7 +5,6 @@ folder without it, or with files that it does not speak of, is not a result.
 """
 
 import csv
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from operator import attrgetter
@@ -43,8 +42,10 @@ from optics.exchange.results.result_files import (
 from optics.scene.keys import AUTO
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem
-from thbcad.io import read_lens
+from thbcad.files import regular_bytes
+from thbcad.io import read_json, read_lens
 from thbcad.lens import Lens
+from thbcad.texts import text_of
 
 KEYS_SHOWN = 4  # in which two problems differ; files that are named
 
@@ -137,7 +138,7 @@ class ResultFolder:
         wrong = [name for name in names if (self.path / name).exists() and not self._is_recorded(name)]
         for name in CHECKED:
             try:
-                data = json.loads((self.path / name).read_text("utf-8"))
+                data = read_json(self.path / name, "result")
             except (OSError, ValueError, RecursionError):
                 continue  # it claims nothing
             if not isinstance(data, dict) or data.get("run_id") != record["run_id"]:
@@ -168,8 +169,8 @@ class ResultFolder:
         Raises UserError : it is missing, or is not that of the result.
         """
         self.require_recorded(["history.csv"])
-        with (self.path / "history.csv").open(newline="", encoding="utf-8") as file:
-            return tuple(_row(**row) for row in csv.DictReader(file))
+        text = text_of(regular_bytes(self.path / "history.csv"))
+        return tuple(_row(**row) for row in csv.DictReader(text.split("\n")))
 
     def kept_levels(self) -> list[tuple[str, str, str]]:
         """Return the files of the levels that the record speaks of, as `level_files`."""
@@ -207,7 +208,7 @@ class ResultFolder:
     def _record(self) -> dict[str, Any]:
         path = self.path / RECORD
         try:
-            record: dict[str, Any] = json.loads(path.read_text("utf-8"))
+            record: dict[str, Any] = read_json(path, "record")
             kinds = {HASHES: dict, "run_id": str, "ok": bool, "verdict": str}
             if not all(isinstance(record[key], kind) for key, kind in kinds.items()):
                 raise ValueError
@@ -245,7 +246,7 @@ class ResultFolder:
             return
         if self.has_result() and self._is_recorded(self.problem.name):
             return
-        if stored_text(load_problem(asked)) != asked.read_text("utf-8"):
+        if stored_text(load_problem(asked)) != text_of(regular_bytes(asked)):
             raise UserError(
                 f"{asked} would be replaced by the resolved problem, without its comments; choose another "
                 "--out, or replace it with --force"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 from optics.base.runtime import UserError, device
 from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
-from optics.exchange.results import ResultFolder
+from optics.exchange.results import ResultFolder, read_arrays
 from optics.interface.api.design_files import save, verified
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import unit_of
@@ -28,6 +27,7 @@ from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
 from optics.scene.system import OpticalSystem, solvable_system
 from thbcad.checks import Floats
+from thbcad.io import read_json
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
@@ -261,10 +261,10 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
 
     What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
     """
-    with np.load(folder / IRRADIANCE, allow_pickle=False) as arrays:
-        irradiance, target = arrays["irradiance"], arrays["target"]
-        colour, sharp = arrays.get("xyz"), arrays.get("sharp")
-    metrics: dict[str, Any] = json.loads((folder / METRICS).read_text("utf-8"))
+    arrays = read_arrays(folder / IRRADIANCE, ("irradiance", "target"))
+    irradiance, target = arrays["irradiance"], arrays["target"]
+    colour, sharp = arrays.get("xyz"), arrays.get("sharp")
+    metrics: dict[str, Any] = read_json(folder / METRICS, "metrics")
     own = {k: v for k, v in metrics.items() if k not in OF_THE_RUN}
     if system.target.as_picture:
         own = contrast_error(own, target) | own

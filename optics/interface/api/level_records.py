@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from optics.designing.optimisation import Indicators, Stage
-from optics.exchange.results import lens_of
+from optics.exchange.results import lens_of, read_arrays
 from optics.interface.api.irradiance_model import unit_of
 from optics.light.analysis import Measurement, measure, rel_l2
 from optics.light.engines import Engine
@@ -83,10 +83,10 @@ def read_levels(
     """Return the levels that a result folder keeps.  files : names as of `level_files`."""
     levels = []
     for lens, arrays, _ in files:
-        with np.load(folder / arrays, allow_pickle=False) as data:
-            irradiance, target = data["irradiance"], data["target"]
-            gradients = tuple(data[key] for key in sorted(data.files) if key.startswith("gradients_"))
-            name = str(data["name"])
+        data = read_arrays(folder / arrays, ("irradiance", "target"))
+        irradiance, target = data["irradiance"], data["target"]
+        gradients = tuple(data[key] for key in sorted(data) if key.startswith("gradients_"))
+        name = str(data.get("name", lens))
         measurement = Measurement(irradiance, target, {"rel_l2": rel_l2(irradiance, target)})
         read = lens_of(folder / lens, "run the design again")
         levels.append(LevelRecord(name, read, gradients, measurement, unit_of(system)))

@@ -9,6 +9,7 @@ failure, 4 the file, a part or a limit of making fails, 70 internal error, 130 i
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from argparse import Namespace
@@ -30,6 +31,9 @@ from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
 FREE = ("export", "new")  # commands that need no more than their file does, and say what that lacks
+DATE = "SOURCE_DATE_EPOCH"  # environment variable of reproducible builds, which numpy and matplotlib read
+DIGITS = re.compile("[0-9]{1,12}")
+LATEST = 253402300799  # the end of the year 9999
 DEBUG = "THBCAD_DEBUG"  # environment variable: set, every error shows its traceback
 
 
@@ -68,6 +72,7 @@ def _stoppable(options: Namespace) -> int:
 
 def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
+    _require_date()
     missing = [] if options.command in FREE else missing_packages("optics")
     if missing:
         raise UserError(not_installed(missing, "optics"))
@@ -82,6 +87,16 @@ def _run(options: Namespace) -> int:
         text = json_text(outcome.data) if options.json else "\n".join(map(printable, outcome.lines))
         print(text, flush=True)
     return outcome.code
+
+
+def _require_date() -> None:
+    """Raise UserError where the environment holds a date that packages cannot read while they are loaded."""
+    date = os.environ.get(DATE)
+    if date is not None and not (DIGITS.fullmatch(date) and int(date) <= LATEST):
+        raise UserError(
+            f"the environment variable {DATE} must be whole seconds since 1970, from 0 to {LATEST}, got "
+            f"{date[:20]!r}; unset it"
+        )
 
 
 @cache

@@ -8,11 +8,9 @@ from math import isclose
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from optics.base.runtime import Check, UserError, check_lines, reading, verification
+from optics.base.runtime import Check, UserError, check_lines, verification
 from optics.exchange.export import report_of, require_free_files
-from optics.exchange.results import HASHES, ResultFolder, hashes
+from optics.exchange.results import HASHES, ResultFolder, hashes, read_arrays
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.blur import spot_rms
 from optics.light.outgoing import (
@@ -144,8 +142,7 @@ def _shown(
     path = Path(options.result) / LIGHT
     if not path.exists():
         return {}
-    with reading(path), np.load(path) as arrays:
-        of_lens: Floats = arrays["irradiance"]
+    of_lens: Floats = read_arrays(path, ("irradiance",))["irradiance"]
     blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, system.backend)
     beside = StepsOnTarget(system, lens, of_lens, blur)
     finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))

@@ -9,7 +9,8 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, read_at_most
+from thbcad.texts import text_of
 from thbcad.toml import toml_tables
 
 LARGEST_FILE = 1 << 20  # bytes of a file of amounts
@@ -81,14 +82,9 @@ def _of_file(path: str | None) -> dict[str, Any]:
     if path is None:
         return {}
     file = Path(path)
+    data = read_at_most(file, LARGEST_FILE, pipes=True)
     try:
-        with file.open("rb") as opened:  # a device has no size, and no end
-            data = opened.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise UserError(f"{file} is larger than a file of amounts may be, {LARGEST_FILE} bytes")
-        amounts = dict(_flat(toml_tables(data.decode("utf-8-sig"))))
-    except OSError as error:
-        raise UserError(f"cannot read {file}: {error.strerror}") from None
+        amounts = dict(_flat(toml_tables(text_of(data))))
     except ValueError as error:
         raise UserError(f"{file} is no TOML: {error}") from None
     for name, amount in amounts.items():

@@ -12,7 +12,6 @@ Source: CIE 144:2001, Road surface and road marking reflection characteristics.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,20 +20,21 @@ from scipy.interpolate import RegularGridInterpolator
 
 from optics.base.runtime import UserError, read_at_most
 from thbcad.checks import Floats
+from thbcad.texts import LATIN, columns_by_blanks, number, text_of
 
 BETAS = np.array([0, 2, 5, 10, 15, 20, 25, 30, 35, 40, 45, 60, 75, 90, 105, 120, 135, 150, 165, 180.0])
 TANGENTS = np.append(np.arange(0, 2, 0.25), np.arange(2, 12.1, 0.5))
 UNIT = 1e-4
 BELOW = 0.01  # of r under the lamp, where beta has no meaning: what rounded numbers of one row may differ by
 MOST_BYTES = 100_000
-SEPARATORS = re.compile(r"[\s,;]+")
+MOST = 1e6  # of r: a hundred times what any road sends anywhere
 
 
 @dataclass(frozen=True, eq=False)
 class RoadSurface:
     """The r-table of a road.  r : (29, 20), rows by TANGENTS, columns by BETAS, in 1e-4 cd/(m^2 lx).
 
-    Raises UserError : another shape, numbers that are negative or not finite, rows and columns exchanged.
+    Raises UserError : another shape, numbers that are negative, or above 1e6, rows and columns exchanged.
     """
 
     r: Floats
@@ -46,8 +46,11 @@ class RoadSurface:
                 f"an r-table has {wanted[0]} rows (tan gamma 0 to 12) of {wanted[1]} numbers (beta 0 to 180) "
                 f"with decimal points and no headings; got the shape {self.r.shape}"
             )
-        if not (np.isfinite(self.r).all() and self.r.min() >= 0):
-            raise UserError("the numbers of an r-table must be finite and not negative")
+        if not (np.isfinite(self.r).all() and self.r.min() >= 0 and self.r.max() <= MOST):
+            raise UserError(
+                f"the numbers of an r-table must lie between 0 and {MOST:g} (in 1e-4 cd/(m^2 lx)), got "
+                f"{self.r.min():g} to {self.r.max():g}"
+            )
         first = self.r[0]
         if np.ptp(first) > BELOW * first.max() or not first.max():
             raise UserError(
@@ -73,12 +76,13 @@ def read_r_table(path: str | Path) -> RoadSurface:
     """
     data = read_at_most(path, MOST_BYTES)
     try:
-        lines = data.decode("utf-8-sig").splitlines()
-        rows = [SEPARATORS.split(line.strip()) for line in lines if line.strip()]
-        return RoadSurface(np.array([[float(word) for word in row if word] for row in rows]))
+        lines = columns_by_blanks(text_of(data, LATIN), len(BETAS)).split("\n")
+        rows = [row for line in lines if (row := [number(word) for word in line.split()])]
+        return RoadSurface(np.array(rows))
     except UserError as error:
         raise UserError(f"{path}: {error}") from None
-    except ValueError:
+    except ValueError as error:
+        reason = "its lines differ in length" if "inhomogeneous" in str(error) else error
         raise UserError(
-            f"{path} is no r-table: it must be a text of {len(TANGENTS)} lines with {len(BETAS)} numbers each"
+            f"{path} is no r-table of {len(TANGENTS)} lines with {len(BETAS)} numbers each: {reason}"
         ) from None

@@ -29,9 +29,10 @@ from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinemen
 from optics.scene.problem.source_schema import Source
 from optics.scene.problem.target_schema import StopSpec, Target
 from thbcad.lens import require_line
+from thbcad.texts import OtherKind, text_of
 from thbcad.toml import toml_tables
 
-MAX_FILE_BYTES = 1_000_000
+MOST_BYTES, MOST_LETTERS = 1 << 26, 1_000_000  # pictures that are given by mistake are recognised
 LEAST_MERGED = 4  # pixels each way that merging leaves
 
 
@@ -280,11 +281,20 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
     Raises UserError : with one sentence that names the file, the key, what came and what was wanted.
     """
     path = Path(path)
-    text = read_at_most(path, MAX_FILE_BYTES)
+    held = read_at_most(path, MOST_BYTES)
     try:
-        data = toml_tables(text.decode("utf-8-sig"))  # editors of Windows put a mark before the text
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path} is no UTF-8 text from byte {error.start} on; save it as UTF-8") from None
+        text = text_of(held)
+        if len(text) > MOST_LETTERS:
+            raise UserError(f"{path} has more than {MOST_LETTERS:,} letters; is it the right file?")
+        data = toml_tables(text)
+    except OtherKind as error:
+        remedy = "give a TOML file, such as `thbcad new` prints"
+        if error.kind.endswith("picture"):
+            remedy = (
+                "a picture is the target of one: write it by `thbcad new > my.toml`, then run "
+                f"`thbcad check my.toml --set target.image={path.absolute()}`"
+            )
+        raise UserError(f"{path} is {error.kind}, not a problem file; {remedy}") from None
     except ValueError as error:
         raise UserError(f"{path} cannot be read as TOML: {error}; mend it there") from None
     with speaking_of(path):

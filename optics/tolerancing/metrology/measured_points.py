@@ -7,38 +7,24 @@ turned over.  The text has rows of numbers, with headers, comments, separators a
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 
-from optics.base.runtime import UserError
+from optics.base.runtime import UserError, read_at_most
 from optics.tolerancing.metrology.instrument_files import (
     MILLIMETRES,
     MOST_BYTES,
-    MOST_POINTS,
     grid_points,
     instrument_points,
 )
+from optics.tolerancing.metrology.measured_text import grid_header, grid_rows, number_rows
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
+from thbcad.texts import LATIN, text_of
 
-GRID_HEADER = 7  # numbers: nx ny dx dy unit xdec ydec
-GRID_MISSING = 4  # column of a grid's rows that is not 0 where there is no data
-
-COMMENT = re.compile(r"""^\s*(#|%|!|//|;|"|').*$""")
-REMARK = re.compile(r"[#%!].*$")
-MISSING = re.compile(
-    r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])"
-    r"|[-+]?1\.#(QNAN|SNAN|IND|INF)\w*|[-+]?nan\(\w*\)",  # as Windows prints what is no number
-    re.IGNORECASE,
-)
-DECIMAL_COMMA = re.compile(r"\d,\d+\s*;|;\s*[-+]?\d+,\d")
-EMPTY_FIELD = re.compile(r"([,;])(?=\s*([,;]|$))")
-EMPTY_BETWEEN_TABS = re.compile(r"(\t)(?= *(\t|$))")
-SEPARATORS = str.maketrans(",;\t", "   ")
 Unit = Literal["m", "mm", "um", "nm"]
 Kind = Literal["heights", "errors"]
 GRID_UNITS = (1.0, 10.0, 25.4, 1000.0)  # mm, of the unit flag of a grid sag file
@@ -48,135 +34,6 @@ LEAST_INSIDE = 0.5  # of the points lie on the surface, else the frame or the un
 ROUNDED = 1e-12  # of the half-width: points so far beside the rim lie on it
 LEAST_EXTENT = 0.02  # of the surface's width
 FARTHEST = 0.1  # of the greater half-width: no lens is so far from its design
-
-
-def read_bytes(path: str | Path) -> bytes:
-    """Return what a file holds.
-
-    Raises UserError : the file cannot be read, is empty, or too large.
-    """
-    path = Path(path)
-    try:
-        with path.open("rb") as file:  # a device has no size, and no end
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror or error}") from None
-    if len(data) > MOST_BYTES:
-        raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; measure fewer points, or thin it out")
-    if not data.strip():
-        raise UserError(f"{path} is empty")
-    return data
-
-
-def text_of(data: bytes, name: str) -> str:
-    """Return the text of a file.
-
-    Raises UserError : it holds none.
-    """
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    if "\0" in text:
-        raise UserError(f"{name} is no text: a measurement is rows x y z, or an X3P, Zygo or GXYZF file")
-    return text
-
-
-def number_rows(text: str, name: str, columns: int = 3) -> Floats:
-    """Return the first numbers of every row, (n, columns), NaN where a value is missing.
-
-    Comments and the lines before the first row of numbers are left out.
-
-    Raises UserError : no row of numbers, too many of them, or one that is none.
-    """
-    rows = _rows(text)
-    first = next((k for k, (_, row) in enumerate(rows) if _numbers(row, columns) is not None), None)
-    if first is None:
-        raise UserError(f"{name} holds no row of {columns} numbers")
-    rows = rows[first:]
-    if len(rows) > MOST_POINTS:
-        raise UserError(f"{name} holds {len(rows):,} points, more than {MOST_POINTS:,}; thin it out")
-    try:
-        return np.loadtxt([row for _, row in rows], usecols=range(columns), ndmin=2)
-    except ValueError:
-        number, row = next((n, r) for n, r in rows if _numbers(r, columns) is None)
-        raise UserError(
-            f"line {number} of {name} holds {row.strip()[:60]!r}, not {columns} numbers; "
-            "the file may be cut off"
-        ) from None
-
-
-def grid_header(text: str) -> list[float] | None:
-    """Return the seven numbers nx ny dx dy unit xdec ydec of a grid sag file, None of other files."""
-    rows = _rows(text, most=1)
-    numbers = _numbers(rows[0][1], GRID_HEADER) if rows else None
-    if numbers is None or len(rows[0][1].split()) != GRID_HEADER:
-        return None
-    whole = all(n == int(n) for n in (*numbers[:2], numbers[4]) if np.isfinite(n))
-    if not np.isfinite(numbers).all() or not whole or min(numbers[:4]) <= 0:
-        return None
-    return numbers
-
-
-def grid_rows(text: str, name: str, count: int) -> Floats:
-    """Return the heights of a grid sag file, (count,), NaN where there is no data.
-
-    Raises UserError : more or fewer rows, or one that is none.
-    """
-    if count > MOST_POINTS:
-        raise UserError(f"{name} announces more than {MOST_POINTS:,} points; thin it out")
-    rows = _rows(text)[1:]
-    if len(rows) != count:
-        raise UserError(
-            f"{name} announces {count:,} points and holds {len(rows):,} rows; the file may be cut off"
-        )
-    body = "\n".join(row for _, row in rows)
-    heights = number_rows(body, name, 1)[:, 0]
-    flagged = [k for k, (_, row) in enumerate(rows) if len(row.split()) > GRID_MISSING]
-    flags = np.zeros(0)
-    if flagged:  # some programs flag only the rows without data
-        flags = number_rows("\n".join(rows[k][1] for k in flagged), name, GRID_MISSING + 1)[:, GRID_MISSING]
-    if len(heights) != count or len(flags) != len(flagged):
-        raise UserError(f"{name} holds rows that are no numbers")
-    heights[np.array(flagged, dtype=int)[flags != 0]] = np.nan
-    return heights
-
-
-def _rows(text: str, most: int | None = None) -> list[tuple[int, str]]:
-    """Return (line number, words parted by spaces) of lines that are no comments, missing values as nan."""
-    start = text[: 1 << 16]
-    comma = DECIMAL_COMMA.search(start) is not None
-    empty = [EMPTY_FIELD, EMPTY_BETWEEN_TABS] if _parted_by_tabs(start) else [EMPTY_FIELD]
-    rows = []
-    for number, line in enumerate(text.splitlines(), 1):
-        if COMMENT.match(line):
-            continue
-        plain = REMARK.sub("", MISSING.sub("nan", line))
-        for field in empty:
-            plain = field.sub(r"\1 nan ", plain)
-        plain = plain.replace(",", ".").replace(";", " ") if comma else plain.translate(SEPARATORS)
-        if plain.strip():
-            rows.append((number, plain))
-            if len(rows) == most:
-                break
-    return rows
-
-
-def _parted_by_tabs(text: str) -> bool:
-    """Return whether single tabs part the columns of most lines, so that nothing between two is a value."""
-    lines = [line.strip(" ") for line in text.splitlines() if "\t" in line]
-    return 2 * sum("\t\t" not in line and line == line.strip() for line in lines) > len(lines)
-
-
-def _numbers(row: str, columns: int) -> list[float] | None:
-    """Return the first numbers of a row, None where there are none."""
-    words = row.split()[:columns]
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError:
-        return None
-    return numbers if len(numbers) == columns else None
 
 
 @dataclass(frozen=True)
@@ -279,11 +136,18 @@ def read_measured(
 
 def _values(path: str | Path, frame: FileFrame) -> Floats:
     """Return x and y in mm, as the file has them, and heights or errors in mm, (3, n)."""
-    data, name = read_bytes(path), str(path)
+    name, data = str(path), read_at_most(path, MOST_BYTES, pipes=True)
+    if not data.strip():
+        raise UserError(f"{name} is empty")
     if (points := instrument_points(data, name)) is not None:
         return points
-    text = text_of(data, name)
-    header = grid_header(text)
+    try:
+        text = text_of(data, LATIN)
+    except ValueError as error:
+        raise UserError(
+            f"{name} is no text: {error}; a measurement is rows x y z, or an X3P, Zygo or GXYZF file"
+        ) from None
+    header = grid_header(text, name)
     if header is None:
         scale = MILLIMETRES[frame.unit]
         scales = [scale, scale, MILLIMETRES[frame.height_unit or frame.unit]]

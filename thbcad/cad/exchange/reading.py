@@ -24,8 +24,10 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.occt_texts import occt_settings
+from thbcad.files import regular_bytes
 from thbcad.io import rewritten
 
+MOST_BYTES = 1 << 31  # of a file: OCCT needs ten times as much memory
 COMPLEX_SPLINE = re.compile(rb"=\s*+\([^;]*?\bB_SPLINE_(?:SURFACE|CURVE)\b")
 TOKEN = re.compile(r"'(?>(?:[^']|'')*)'|\(|\)|[A-Z_][A-Z0-9_]*+", re.ASCII)
 OCCT_ERRORS: tuple[type[Exception], ...] = tuple(  # they have no common base
@@ -148,7 +150,7 @@ def _transfer(
 
     kinds : of entities that must be whole.
     """
-    data = path.read_bytes()
+    data = regular_bytes(path, MOST_BYTES)
     _require_harmless(path, data)
     common = common_splines(data)
     try:
@@ -204,7 +206,7 @@ def iges_shape(path: Path) -> TopoDS_Shape:
     Raises ValueError : it is not readable, or not whole.
     """
     reader = IGESControl_Reader()
-    whole = IGES_END.search(path.read_bytes())  # OCCT reads what there is of a truncated file
+    whole = IGES_END.search(regular_bytes(path, MOST_BYTES))  # OCCT reads what there is of a truncated file
     with occt_settings({"xstep.cascade.unit": "MM", "read.iges.bspline.continuity": "0"}):
         if not whole or reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
             raise ValueError(f"{path} is not a readable IGES file")
@@ -217,7 +219,7 @@ def brep_shape(path: Path) -> TopoDS_Shape:
     Raises ValueError : it is not readable, or not whole.
     """
     shape = TopoDS_Shape()
-    data = path.read_bytes()
+    data = regular_bytes(path, MOST_BYTES)
     # OCCT does not return from a truncated file: every shape of the table must end with its star, then one of
     # them is named
     table = BREP_TABLE.search(data)
