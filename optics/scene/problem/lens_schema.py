@@ -279,6 +279,7 @@ class LensSpec(Optic):
         low=0,
         high=LONGEST,
         note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
+        only={"outline": ("rounded",)},
     )
     clear_aperture: tuple[float, float] = option(
         (0.0, 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from math import ceil
 from pathlib import Path
 
@@ -10,8 +11,8 @@ import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
-from optics.scene.problem import Problem, freedom_of, load_problem
-from optics.scene.system.lens_material import with_material
+from optics.scene.problem import OF_PICTURES, OF_UNIFORM, Problem, freedom_of, load_problem
+from optics.scene.system.lens_material import require_one_glass, with_material
 from optics.scene.system.made_parts import volume_of_made
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
@@ -46,10 +47,12 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
 
     Raises UserError : limits that contradict each other, a prescription that makes no lens, a picture that
         cannot be read, a source or a target that lies in the lens, a target that no lens can light, from
-        before or at all, a material that is not known, a stop in the lens, before the source or behind the
-        target, blur of a row of elements.
+        before or at all, a material that is not known, a lens with two indices, a stop in the lens, before
+        the source or behind the target, blur of a row of elements, limits of light that is not requested.
     """
-    require_limits(with_material(problem))
+    made_of = with_material(problem)
+    require_one_glass(made_of)
+    require_limits(made_of)
     if own.source and not np.isclose(own.source.flux, problem.flux, rtol=SAME_FLUX, atol=0.0):
         raise UserError(
             f"the flux of the script's source, {own.source.flux:g}, must be that of the problem, "
@@ -67,6 +70,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     start = system.path(system.lens).before if system.source.collimated else -np.inf
     require_places(problem, ((system.problem.optic, system.lens), *system.others), system.stops, start)
     require_light(system)
+    require_judged(system)
     require_sharp(system)
     require_reachable(system)
     return system
@@ -86,6 +90,24 @@ def require_light(system: OpticalSystem) -> None:
             "source.image is dark wherever it meets the lens; make source.half_width smaller or "
             f"{system.problem.optic.key('front.half_width')} larger"
         )
+
+
+def require_judged(system: OpticalSystem) -> None:
+    """Refuse limits of uniform light where a formula varies, and limits of a picture where it does not.
+
+    Raises UserError : names the key.
+    """
+    if system.problem.target.kind != "function":
+        return
+    uniform, limits = system.target.uniform_region is not None, system.problem.verify
+    shape = "is uniform where it is lit" if uniform else "varies over the target"
+    for f in fields(limits):
+        idle = OF_PICTURES if uniform else OF_UNIFORM
+        if f.metadata.get("only") == idle and getattr(limits, f.name) != f.default:
+            raise UserError(
+                f"verify.{f.name} has no effect with target.formula, whose light {shape}; leave it out, "
+                f"which is {f.default:g}"
+            )
 
 
 def require_sharp(system: OpticalSystem) -> None:
