@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from math import ceil
+from math import ceil, prod
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,8 @@ from optics.scene.system.reach import (
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import require_places
 
-MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+# poles of a face, and times as many as its sag has, from where a note is due; and what one takes in a file
+MANY_POLES, MORE, STEP_BYTES = 10_000, 2, 76
 NOTHING = Own()
 SAME_FLUX = 1e-9  # relative, of rounding
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
@@ -191,17 +192,27 @@ def advice(system: OpticalSystem) -> list[str]:
             f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "
             "refused then: use conic = -1, or raise it if that will do"
         )
-    poles = max(graph.coefficients.size for graph in lens.graphs())
-    if bent and poles > MANY_POLES:
-        sentences.append(
-            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
-            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
-            f"{problem.optic.key(system.shaped)}.freeform.degree fewer"
-        )
+    if bent:
+        sentences += _many_poles(system)
     return sentences + [
         sentence
         for optic, shape in free
         for sentence in limit_advice(problem.about(optic), shape, volume_of_made(optic, shape))
+    ]
+
+
+def _many_poles(system: OpticalSystem) -> list[str]:
+    """Return a sentence where a conic makes a face of many more poles than its sag needs on its finest level."""
+    free = system.freeforms[-1]
+    poles = max(graph.coefficients.size for graph in system.lens.graphs())
+    needed = prod((n << free.finest) + free.degree for n in free.spans)
+    if poles <= MANY_POLES or poles <= MORE * needed:
+        return []
+    key = system.problem.optic.key(system.shaped)
+    return [
+        f"a conic other than a paraboloid needs {poles:,} poles as a spline in the STEP file, about "
+        f"{poles * STEP_BYTES / 1e6:.0f} MB, where the sag has at most {needed:,}: {key}.conic = -1 needs no "
+        f"extra poles, and the free surface makes up the difference; a higher {key}.freeform.degree needs fewer"
     ]
 
 
