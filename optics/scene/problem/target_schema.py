@@ -126,6 +126,7 @@ class Target:
         high=FARTHEST,
         infinite=True,
         note="mm from the rear vertex to the middle of the target, on the axis; inf is the far field",
+        example=400.0,
     )
     position: tuple[float, float, float] | None = option(
         None, size=(0, FARTHEST), note="mm, of the target's middle, in place of distance"

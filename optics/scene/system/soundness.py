@@ -178,8 +178,8 @@ def advice(system: OpticalSystem) -> list[str]:
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
             "an extended source blurs its light anyway: --set optimizer.window=bspline "
-            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time "
-            "(examples/extended.toml)"
+            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time: "
+            "--set optimizer.merge=2"
         )
     if problem.target.zones:
         sentences += _zone_advice(system)
@@ -202,7 +202,7 @@ def advice(system: OpticalSystem) -> list[str]:
 
 
 def _many_poles(system: OpticalSystem) -> list[str]:
-    """Return a sentence where a conic makes a face of many more poles than its sag needs on its finest level."""
+    """Return a sentence where a conic gives a face many more poles than the finest level of its sag has."""
     free = system.freeforms[-1]
     poles = max(graph.coefficients.size for graph in system.lens.graphs())
     needed = prod((n << free.finest) + free.degree for n in free.spans)
@@ -212,7 +212,8 @@ def _many_poles(system: OpticalSystem) -> list[str]:
     return [
         f"a conic other than a paraboloid needs {poles:,} poles as a spline in the STEP file, about "
         f"{poles * STEP_BYTES / 1e6:.0f} MB, where the sag has at most {needed:,}: {key}.conic = -1 needs no "
-        f"extra poles, and the free surface makes up the difference; a higher {key}.freeform.degree needs fewer"
+        "extra poles, and the free surface makes up the difference; a higher "
+        f"{key}.freeform.degree needs fewer"
     ]
 
 
