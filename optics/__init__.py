@@ -7,6 +7,11 @@
 Names are loaded when they are first used: ``import optics`` itself loads nothing heavy.
 """
 
+from optics.early_stop import end_at_signals, is_command
+
+if is_command():  # before the next import: a Ctrl-C would print a traceback out of it
+    end_at_signals()
+
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:

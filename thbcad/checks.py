@@ -70,8 +70,11 @@ def _masked(array: object) -> int:
 
 
 def require_real(array: ArrayLike) -> None:
-    """Raise ValueError for complex and for masked numbers, and for dates."""
+    """Raise ValueError for complex and for masked numbers, for dates, and for records with fields."""
     require_unmasked(array)
+    names = getattr(getattr(array, "dtype", None), "names", None)
+    if names:  # numpy would take one of a single field for its numbers
+        raise ValueError(f"numbers must be plain, got records with the fields {', '.join(names)}; take one")
     if np.iscomplexobj(array) or getattr(array, "dtype", np.dtype(float)).kind in "mM":
         raise ValueError(f"numbers must be real, got {np.asarray(array).dtype}")
 

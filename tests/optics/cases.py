@@ -133,10 +133,25 @@ def picture(rows=48, columns=48):
     return np.round(255 * light / light.max()).astype(np.uint8)
 
 
+KINDS = ("point", "rays", "tophat", "function", "zones")  # other than those of SMALL
+OWN_KEYS = {  # keys of SMALL that only some kinds have
+    "source.half_width": ("source.kind", ("collimated", "lambertian", "luminaire")),
+    "target.image": ("target.kind", ("image",)),
+    "verify.contrast_error": ("target.kind", ("image", "function")),
+}
+
+
 def toml_text(values):
-    """Return TOML for {"table.key": value}; written without the package's own writer."""
+    """Return TOML for {"table.key": value}; written without the package's own writer.
+
+    Keys that SMALL has, and a problem of another kind has not, are left out.
+    """
     rows = {}
     for key, value in values.items():
+        if key in OWN_KEYS and value == SMALL[key]:
+            other, kinds = OWN_KEYS[key]
+            if isinstance(kind := values.get(other), str) and kind in KINDS and kind not in kinds:
+                continue
         table, _, name = key.rpartition(".")
         rows.setdefault(table, []).append(f"{name} = {toml_value(value)}")
     return "".join(

@@ -6,6 +6,7 @@ from errno import ENOMEM
 
 from optics.base.runtime import address_limit
 
+NO_THREAD = "can't start new thread"  # of Python: each takes memory for its stack, and counts as a process
 NO_WORD = "without exception set"  # of Python itself, where a limit of memory ends the compiling of a module
 WORDS = {
     RuntimeError: ("out of memory", "could not allocate"),  # of Dr.Jit 1.5: jit_malloc and jit_llvm_compile
@@ -22,7 +23,10 @@ def lacks_memory(error: BaseException | None) -> bool:
     while error is not None:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == ENOMEM:
             return True
-        if isinstance(error, SystemError) and NO_WORD in str(error) and address_limit() is not None:
+        limited = address_limit() is not None
+        if isinstance(error, SystemError) and NO_WORD in str(error) and limited:
+            return True
+        if isinstance(error, RuntimeError) and NO_THREAD in str(error) and limited:
             return True
         for kind, words in WORDS.items():
             if isinstance(error, kind) and any(word in str(error) for word in words):

@@ -12,7 +12,7 @@ from optics.light.outgoing import concentration_sentence
 from optics.scene.system import OpticalSystem
 
 FULL = 0.999  # of a face: light that misses it does not tell how far beside it
-MAPPED = "by the transport map's surface, where this design does not start"
+MAPPED, SAME = "by the transport map's surface, where this design does not start", "by that surface"
 LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
 NET = "a knot span of the finest mesh"
@@ -24,6 +24,7 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
     shaped = getattr(system.lens, system.shaped).conic
     when = "at the start of the design" if expected.from_transport else MAPPED
+    again = when if expected.from_transport else SAME
     return [
         f"expected {system.problem.optic.noun}: {wide:.4g} x {high:.4g} x {deep:.3g} mm, "
         f"{expected.volume / MM3_PER_CM3:.3g} cm^3{heavy}; {system.problem.optic.face_name(system.shaped)} "
@@ -32,11 +33,11 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
         f"z_freedom allows +-{expected.freedom:.3g} mm, of which a start takes {INSIDE:.0%}",
         f"light: {expected.efficiency:.1%} of the source on the target {when}, "
         f"{expected.stray:.1%} beside it" + _blocked(expected),
-        f"{_least_line(system, expected)}; {when}",
-        f"{concentration_sentence(system, expected.concentration)}; {when}",
+        f"{_least_line(system, expected)}; {again}",
+        f"{concentration_sentence(system, expected.concentration)}; {again}",
         _detail_line(system, expected),
         _error_line(system, expected),
-        f"cost: about {expected.seconds:.2g} s on two cores as in docs/benchmarks.md, "
+        f"cost: about {expected.seconds:.2g} s on two cores, "
         f"about {expected.memory_mb / 1000:.2g} GB of memory",
         *_sensitivity_lines(system, expected),
     ]

@@ -7,6 +7,7 @@ from dataclasses import Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from optics.base.runtime import require_regular_file
 from optics.exchange.results.owned_files import sha256_of
 from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Export, Problem, Verify
@@ -28,9 +29,18 @@ def fingerprint(problem: Problem) -> str:
 
     It does not depend on the paths of the files, nor on the number of threads and on what is kept of
     levels.
+
+    Raises UserError : a file that is a folder, a pipe or a device.  Raises OSError : it cannot be read.
     """
-    files = {f"{table}.{part.data}": sha256_of(Path(path)) for table, part, path in data_of(problem)}
+    files = {f"{table}.{part.data}": _hash_of(Path(path)) for table, part, path in data_of(problem)}
     return _sha256(_set_keys(problem, {"run.threads": 0, "run.keep": KEPT, **files}))
+
+
+def _hash_of(path: Path) -> str:
+    """Return the hash of a file that a problem names.  Raises UserError : a pipe or a device has no end."""
+    if path.exists():
+        require_regular_file(path)
+    return sha256_of(path)
 
 
 def run_id(problem: Problem, lens: Lens, others: Iterable[Lens] = ()) -> str:

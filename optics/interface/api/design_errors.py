@@ -41,7 +41,7 @@ def tolerances(
     amounts : other amounts than the usual ones, by name, such as {"lens.decentre": 0.02}; 0 leaves one out.
     limit : what the light must keep, for which the amount of each is looked for: a rise of rel_l2 such as
         0.01, or numbers of "rise", "rel_l2", "min_over_mean" and "efficiency"; None is min_over_mean = 0.7 of
-        uniform light, and a rise by 0.01 of other light.
+        uniform light, and a rise by 0.01 of other light, and efficiency = 0.99 of the design's.
     progress : called with a tolerance's name, its number from 0, and how many there are.
     float_shift : light may shift as a whole on the target, which follows it.
 
@@ -110,7 +110,7 @@ def monte_carlo(
     )
     with device(), worker_pool(workers, scheduler, samples) as pool:
         sampled = sample_lenses(model, samples, pool, progress)
-    return MonteCarlo(sampled, model, budget, budget.rel_l2 + budget.limit)
+    return MonteCarlo(sampled, model, budget)
 
 
 def require_monte_carlo(

@@ -29,7 +29,7 @@ FIRST_STEPS = """thbcad designs freeform lenses: from the light that is asked fo
   thbcad check my_lens.toml           say in seconds what lens to expect
   thbcad design my_lens.toml --live   design it, and show the light in a browser meanwhile
   exports/my_lens/report.html         open it: the light, the lens, all checks
-  docs/first_lens.md                  the same step by step; thbcad --help lists all commands"""
+  thbcad --help                       list all commands; thbcad COMMAND --help explains one"""
 
 
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:

@@ -123,6 +123,11 @@ def _failed(error: Exception, verbose: bool) -> int:
         limit = "" if most is None else f"raise its limit (ulimit -v {most >> 10}), or "
         sentence = f"out of memory; {limit}use fewer pixels, rays or levels"
         code = NumericalError.exit_code
+    elif isinstance(error, RuntimeError) and "can't start new thread" in str(error):
+        sentence = (
+            "the system starts no more threads; raise the limit of processes (ulimit -u), or end others"
+        )
+        code = NumericalError.exit_code
     elif isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""
         sentence = str(UserError(f"cannot write or read{where}: {error.strerror or error}"))

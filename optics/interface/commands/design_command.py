@@ -30,7 +30,13 @@ from optics.exchange.results import (
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import changes_of, result_path, system_of
 from optics.interface.relighting import given_lens
-from optics.light.analysis import counted_ways, crosstalk_line, error_words, photometric_lines
+from optics.light.analysis import (
+    WHAT_HELPS,
+    counted_ways,
+    crosstalk_line,
+    error_words,
+    photometric_lines,
+)
 from optics.reporting.live import LiveView
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import OpticalSystem, solvable_system
@@ -259,7 +265,7 @@ def _outcome(written: Written, system: OpticalSystem) -> Outcome:
     fit, misses = [], []
     if checked["grade"] == "light misses":
         problem = shlex.quote(str(folder.problem))
-        misses = [f"thbcad check {problem} names what binds, and docs/possible_light.md what helps"]
+        misses = [f"thbcad check {problem} names what binds; {WHAT_HELPS}"]
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
     lines = [

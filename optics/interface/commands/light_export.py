@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import closing
 from math import isclose
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime import Check, UserError, check_lines, verification
+from optics.base.runtime import Check, Phase, Progress, UserError, check_lines, verification
+from optics.designing.progress import drawing
 from optics.exchange.export import report_of, require_free_files
 from optics.exchange.results import HASHES, ResultFolder, hashes, read_arrays
 from optics.interface.commands.outcome import OF_GRADES, Outcome
@@ -132,7 +135,15 @@ def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> O
             f"got {step:g}"
         )
     require_lens_on_axis(system, "intensities in files", "export its rays by --light rear")
-    return outgoing_intensity(system, lens, system.backend, options.rays, step)
+    with closing(drawing(sys.stderr)) as bar:
+        progress = Progress([Phase("rays through the lens", 1.0)], bar)
+
+        def show(done: int, of: int) -> None:
+            progress.advance(done / of, f"{done / of:.0%} of {options.rays:,} rays")
+
+        light = outgoing_intensity(system, lens, system.backend, options.rays, step, show)
+        progress.finish()
+    return light
 
 
 def _shown(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from math import inf
+from math import inf, isfinite
+from numbers import Real
 from operator import add
 
-from optics.base.runtime import Backend
+from optics.base.runtime import Backend, UserError
 from optics.light.analysis import unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.problem import Problem
@@ -77,7 +78,11 @@ class Explorer:
         self.knobs = tuple(known)
 
     def __call__(self, values: Mapping[str, float]) -> ExploredLight:
-        """Return the light where knobs have these values, and the others those of the design."""
+        """Return the light where knobs have these values, and the others those of the design.
+
+        Raises UserError : a name of no knob, a value that is no finite number, or a divergence below 0.
+        """
+        self._require_values(values)
         divergence = values.get(DIVERGENCE, self._problem.source.half_divergence)
         if divergence != self._divergence:  # the last one
             self._divergence, self._judge = divergence, self._judge_at(divergence)
@@ -85,6 +90,19 @@ class Explorer:
         image, fates = self._judge.light(reduce(add, errors, NOMINAL))
         numbers = self._judge.numbers(image, fates.on_target)
         return ExploredLight(unit_mean(image), self._judge.target, numbers)
+
+    def _require_values(self, values: Mapping[str, float]) -> None:
+        known = {knob.name: knob for knob in self.knobs}
+        for name, value in values.items():
+            if name not in known:
+                raise UserError(f"there is no knob {name!r}; there are {', '.join(known)}")
+            number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+            if not number or (name == DIVERGENCE and value < 0):
+                low, high = known[name].low, known[name].high
+                raise UserError(
+                    f"{name} must be a finite number, usually from {low:.4g} to {high:.4g} "
+                    f"{known[name].unit}, got {value!r}"
+                )
 
     def _judge_at(self, divergence: float) -> LightJudge:
         """Return what judges the light of a source with a divergence, degrees."""

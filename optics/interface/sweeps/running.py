@@ -47,10 +47,12 @@ def compute(
                 store.add(variant.identity, dict(zip(keys, variant.values)), row, made.lens)
                 progress.count(bool(result.failure))
     except UserError as error:
-        raise UserError(
-            f"{error}; {progress.done} of {len(variants)} variants were stored, the same command with "
-            "--resume goes on"
-        ) from None
+        stored = (
+            f"{progress.done} of {len(variants)} variants were stored, the same command with --resume goes on"
+        )
+        if not store.problems():
+            stored = "no variant was stored, so that the same command begins anew"
+        raise UserError(f"{error}; {stored}") from None
 
 
 class SweepProgress:

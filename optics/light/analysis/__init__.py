@@ -5,6 +5,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE, nonsequential_light
     from optics.light.analysis.judgement import (
+        WHAT_HELPS,
         Verdict,
         counted_ways,
         dark_note,

@@ -20,6 +20,10 @@ from optics.scene.problem import Verify
 WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
 FEWER_DARK = "optimizer.dark_flux_weight, raised, trades evenness for less of it"
 MORE_RAYS = "more target.pixels are measured by more rays"
+WHAT_HELPS = (
+    "a smaller source, a larger lens, a farther or larger target, softer edges, a second free surface or a "
+    "higher max_level may help"
+)
 LONGER_FILE = "source.file has no more"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"

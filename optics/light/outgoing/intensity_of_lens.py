@@ -6,6 +6,7 @@ its direction alone; what passes beside the lens, or is reflected at its front a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isqrt
 
@@ -45,7 +46,12 @@ class OutgoingIntensity:
 
 
 def outgoing_intensity(
-    system: OpticalSystem, lens: Lens, backend: Backend, count: int, step: float
+    system: OpticalSystem,
+    lens: Lens,
+    backend: Backend,
+    count: int,
+    step: float,
+    progress: Callable[[int, int], object] = lambda done, of: None,
 ) -> OutgoingIntensity:
     """Return the intensity of the light behind a lens, by inner reflections and edges too, in all of the
     source's wavelengths.
@@ -54,6 +60,7 @@ def outgoing_intensity(
 
     backend : of double precision.  count : of rays of all wavelengths, about.
     step : of gamma, degrees, which divides 180; that of C is twice as large.
+    progress : called with the number of sets of rays that are traced, and of all.
     """
     system = system.with_all_sources
     grid = IntensityGrid(round(180 / step), round(180 / step))
@@ -62,11 +69,12 @@ def outgoing_intensity(
     side = isqrt(max(1, count // (REPLICATES * len(lights))) - 1) + 1
     path = system.path(lens).onto(receiver_at(plane_behind(system, lens)))
     total, flux = [np.zeros((grid.turns, grid.tilts + 1)) for _ in range(REPLICATES)], 0.0
-    for light in lights:
+    for k, light in enumerate(lights):
         plane = TargetArea.of(path.in_media(light.media), lens.rear.half_width)
         solid = system.made(replace(lens, index=light.media[1].index) if system.spectral else lens)
         sets = system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE)
-        for nodes, parts in zip(total, sets):
+        for done, (nodes, parts) in enumerate(zip(total, sets), k * REPLICATES):
+            progress(done, len(lights) * REPLICATES)
             for part in parts:
                 out = trace_nonsequential(
                     backend, solid, single_rays(part, lens), plane, threshold=ROULETTE, roulette=rng

@@ -120,9 +120,10 @@ def spread_figure(made: MonteCarlo) -> bytes:
     """Draw the distribution of rel_l2, with the design, the limit and the quantiles."""
     values = made.batch.rel_l2[np.isfinite(made.batch.rel_l2)]
     figure, axes = new_figure()
-    highest = max(float(np.percentile(values, WORST)), made.limit) if values.size else made.limit
+    limit = made.budget.bounds.get("rel_l2", made.budget.rel_l2)
+    highest = max(float(np.percentile(values, WORST)), limit) if values.size else limit
     axes.hist(100 * values, bins=BINS, range=(100 * made.budget.rel_l2 * 0.9, 110 * highest), color="C0")
-    lines = {"design": made.budget.rel_l2, "limit": made.limit}
+    lines = {"design": made.budget.rel_l2} | ({"limit": limit} if "rel_l2" in made.budget.bounds else {})
     lines |= {name: made.batch.quantile(part).value for name, part in PARTS.items()}
     for colour, (name, value) in zip(("k", "C3", "C1", "C2"), lines.items()):
         if np.isfinite(value):

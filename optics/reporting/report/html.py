@@ -9,7 +9,7 @@ from itertools import zip_longest
 from typing import Any, cast
 
 from optics.base.runtime import Check, Grade, Result, checks_of
-from optics.light.analysis import NEGLIGIBLE, Verdict, photometric_lines
+from optics.light.analysis import NEGLIGIBLE, WHAT_HELPS, Verdict, photometric_lines
 from optics.reporting.report.metric_words import PERCENT, effort_sentence, key_list, metric_rows, number_text
 from optics.reporting.report.page_style import STYLE
 from optics.scene.photometry import Units, units_of
@@ -182,7 +182,7 @@ def _banner(report: Report) -> str:
     others = (c for c in wrong if LIMIT.split(c.name)[0] not in with_remedy)
     problems = [*map(_failure, others), *of_limits]
     if verdict.grade == "light misses":
-        problems.append("thbcad check problem.toml names what binds, and docs/possible_light.md what helps")
+        problems.append(f"thbcad check problem.toml names what binds; {WHAT_HELPS}")
     notes = [note for note in verdict.notes if note not in of_limits]
     folded = list_html(report.background, "notes")
     background = f"<details><summary>Background</summary>{folded}</details>" if folded else ""

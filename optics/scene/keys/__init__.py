@@ -6,6 +6,7 @@ if TYPE_CHECKING:
     from optics.scene.keys.dead_ends import cannot_do
     from optics.scene.keys.dotted_keys import Key, keys_of, lists_tables, table_of
     from optics.scene.keys.key_changes import assignment, with_changes
+    from optics.scene.keys.key_effects import require_effects
     from optics.scene.keys.toml_records import (
         AUTO,
         FARTHEST,
@@ -16,6 +17,6 @@ if TYPE_CHECKING:
         option,
         record,
     )
-    from optics.scene.keys.toml_text import problem_to_toml
+    from optics.scene.keys.toml_text import problem_to_toml, toml_value
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

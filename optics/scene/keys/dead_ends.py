@@ -41,4 +41,4 @@ def cannot_do(word: object) -> str:
         return ""
     name = word.rpartition(".")[2]
     reason = CANNOT.get(word) or CANNOT.get(name) or CANNOT.get(name.removesuffix("s"))
-    return f'thbcad cannot do that: {reason} (README.md, "What it cannot do", has all)' if reason else ""
+    return f"thbcad cannot do that: {reason}" if reason else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isfinite
 from typing import Any, get_args, get_origin
 
 from optics.base.runtime import UserError
@@ -105,6 +106,18 @@ def _wanted(key: Key) -> str:
     if key.hint is bool:
         return "true or false"
     whole = int in (key.hint, *get_args(key.hint))
-    kind, example = ("a whole number", "2") if whole else ("a number", "2.5")
     automatic = ' or "auto"' if key.limits["auto"] else ""
-    return f"{kind}{automatic}, such as {key.name}={example}"
+    return (
+        f"{'a whole number' if whole else 'a number'}{automatic}, such as {key.name}={_example(key, whole)}"
+    )
+
+
+def _example(key: Key, whole: bool) -> float:
+    """Return a number that a key takes: its own example, its default, or one within its limits."""
+    if key.limits["example"]:
+        return float(key.limits["example"])
+    default, high = key.default, key.limits["high"]
+    if isinstance(default, int | float) and isfinite(default) and default:
+        return default
+    usual = 2 if whole else 2.5
+    return usual if high is None or usual <= high else high / 2

@@ -45,15 +45,22 @@ def option(
     picture: bool = False,
     auto: bool = False,
     zero: bool = False,
+    only: Mapping[str, tuple[object, ...]] | None = None,
+    instead: str = "",
+    example: float | None = None,
 ) -> Any:
     """Return a field with its limits and a note; a key without a default is required.
 
     size : limits of the absolute value.  infinite : inf is allowed too.
     picture : the value is the path of a picture.  auto : the number may be left to the program.
     zero : 0 is allowed too.
+    only : {another key: its values} with which alone this key has an effect; see `require_effects`.
+    example : of a number, for messages; None is the default, or one within the limits.
+    instead : the key to set where this one has no effect, if there is one.
     """
     limits = dict(choices=choices, low=low, high=high, above=above, size=size, note=note)
     limits |= dict(infinite=infinite, picture=picture, auto=auto, zero=zero)
+    limits |= dict(only=only or {}, instead=instead, example=example)
     return field(default=default, metadata=limits)
 
 

@@ -39,7 +39,7 @@ def _toml(record: Record, prefix: str, notes: bool = False) -> str:
         elif is_dataclass(value) and not isinstance(value, type):
             tables.append(f"\n[{prefix}{f.name}]{remark}\n" + _toml(value, f"{prefix}{f.name}.", notes))
         else:
-            lines.append(f"{f.name} = {_toml_value(value)}{remark}\n")
+            lines.append(f"{f.name} = {toml_value(value)}{remark}\n")
     return "".join(lines) + "".join(tables)
 
 
@@ -63,17 +63,20 @@ def _left_out(field: Field[Any], table: type[Record] | None) -> str:
     lines = []
     for f in own:
         required = f.default is MISSING and f.default_factory is MISSING
-        default = "?" if required else "false" if f.default is None else _toml_value(f.default)
+        default = "?" if required else toml_value(f.default)
         lines.append(f"# {f.name} = {default}{_remark(f)}\n")
     return "".join(lines)
 
 
-def _toml_value(value: object) -> str:
+def toml_value(value: object) -> str:
+    """Return a value as TOML; None, which leaves something out, is false."""
+    if value is None:
+        return "false"
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
+        return "[" + ", ".join(map(toml_value, value)) + "]"
     return repr(value)

@@ -17,7 +17,17 @@ if TYPE_CHECKING:
         freedom_of,
     )
     from optics.scene.problem.problem_record import Problem, load_problem
-    from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify, per_level
+    from optics.scene.problem.run_schema import (
+        OF_PICTURES,
+        OF_UNIFORM,
+        Export,
+        Limits,
+        Optimizer,
+        Refinement,
+        Run,
+        Verify,
+        per_level,
+    )
     from optics.scene.problem.source_schema import SUN, OneSource, Source, SourceArray
     from optics.scene.problem.starting_problems import answered_problem, commented_problem
     from optics.scene.problem.target_schema import StopSpec, Target, Zone

@@ -32,6 +32,7 @@ class BodySpec:
         high=LONGEST,
         note="mm, z of that land; auto is the rim's, 0.1 mm outside where that is not level",
         auto=True,
+        only={"annulus": (True,)},
     )
     edge_radius: float = option(
         0.0, low=0, high=LONGEST, note="mm, between the wall and the surfaces; outside of clear_aperture"

@@ -102,7 +102,9 @@ class MirrorElement(Placed, Optic):
     material: str = option("", note="name of what the blank is made of")
     density: float = option(0.0, low=0, high=100, note="g/cm^3, for the mass; 0 is unknown")
     outline: str = outline_option()
-    corner_radius: float = option(0.0, low=0, high=LONGEST, note='mm, of outline = "rounded"')
+    corner_radius: float = option(
+        0.0, low=0, high=LONGEST, note='mm, of outline = "rounded"', only={"outline": ("rounded",)}
+    )
     clear_aperture: tuple[float, float] = option(
         (0.0, 0.0),
         low=0,

@@ -51,14 +51,14 @@ class Freeform:
 def radius_option(automatic: str) -> Any:
     """Return the option of a surface's radius.  automatic : what "auto" stands for."""
     note = f"mm, of the vertex; positive opens to +z, inf is a plane; {automatic}"
-    return option(inf, infinite=True, size=RADII, note=note, auto=True)
+    return option(inf, infinite=True, size=RADII, note=note, auto=True, example=40.0)
 
 
 def conic_option(usual: float | None = None) -> Any:
     """Return the option of a conic constant.  usual : where nothing is said; None as the note says."""
     note = "conic constant K, -1 is a paraboloid, as auto is"
     left_out = "" if usual else '; left out it is 0, and auto beside radius = "auto"'
-    return option(usual, size=(0, GREATEST_CONIC), note=note + left_out, auto=True)
+    return option(usual, size=(0, GREATEST_CONIC), note=note + left_out, auto=True, example=-1.0)
 
 
 def slope_rms_option() -> Any:
@@ -258,6 +258,7 @@ class LensSpec(Optic):
         high=10,
         note="refractive index, relative to the air around; auto takes it from indices or the material",
         auto=True,
+        example=1.49,
     )
     thickness: float = option(low=SHORTEST, high=LONGEST, note="mm between the vertices")
     material: str = option("", note='its name; one that is known has an index, such as "PMMA"')
@@ -279,6 +280,7 @@ class LensSpec(Optic):
         low=0,
         high=LONGEST,
         note='mm, of outline = "rounded"; that of the smaller surface is in proportion',
+        only={"outline": ("rounded",)},
     )
     clear_aperture: tuple[float, float] = option(
         (0.0, 0.0),

@@ -13,7 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
-from optics.scene.keys import checked_values, option, problem_to_toml, record, with_changes
+from optics.scene.keys import (
+    checked_values,
+    option,
+    problem_to_toml,
+    record,
+    require_effects,
+    with_changes,
+)
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.faces_met import FaceMet, PathSpec, faces_met
 from optics.scene.problem.lens_schema import LensSpec, Optic
@@ -204,7 +211,8 @@ def _by(size: tuple[float, float]) -> str:
 
 
 def _require_partners(problem: Problem) -> None:
-    """Refuse a problem that lacks a key which another key asks for."""
+    """Refuse a problem that lacks a key which another key asks for, and keys without effect."""
+    require_effects(problem)
     _require_elements(problem)
     for key, text in (
         *((optic.key("material"), optic.material) for optic in problem.optics),

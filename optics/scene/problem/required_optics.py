@@ -32,20 +32,16 @@ def require_optic(optic: Optic, shaped: bool) -> None:
 
 
 def require_stops(stops: Sequence[StopSpec]) -> None:
-    """Refuse a ring without a middle, and a middle without a ring.
+    """Refuse a ring without a middle.
 
     Raises UserError : names the key.
     """
     for k, stop in enumerate(stops):
-        key, ring = f"stop[{k}]", stop.shape == "ring"
-        if ring and not all(0 < i < o for i, o in zip(stop.inner, stop.half_width)):
+        key = f"stop[{k}]"
+        if stop.shape == "ring" and not all(0 < i < o for i, o in zip(stop.inner, stop.half_width)):
             raise UserError(
                 f"{key}.inner must be above 0 and below {key}.half_width = {list(stop.half_width)} in x and "
                 f"y, got {list(stop.inner)}"
-            )
-        if not ring and any(stop.inner):
-            raise UserError(
-                f'{key}.inner is that of shape = "ring", got {list(stop.inner)} with {stop.shape!r}'
             )
 
 
@@ -137,10 +133,10 @@ def _require_outline(lens: Optic) -> None:
                 f'{lens.key("outline")} = "round" needs equal half-widths, got '
                 f'{lens.key(name)}.half_width = [{x:g}, {y:g}]; make them equal, or take "ellipse"'
             )
-    if (lens.outline == "rounded") != (lens.corner_radius > 0):
+    if lens.outline == "rounded" and not lens.corner_radius:
         raise UserError(
-            f'{lens.key("corner_radius")} is that of {lens.key("outline")} = "rounded", which needs one '
-            f"above 0; got {lens.corner_radius:g} with {lens.outline!r}"
+            f'the key {lens.key("corner_radius")} is missing (mm, of {lens.key("outline")} = "rounded"); '
+            "add it"
         )
     most = min(max(pair) for pair in zip(*sizes.values()))
     if lens.corner_radius > most:
@@ -181,8 +177,6 @@ def _require_body(lens: Optic) -> None:
             f"{lens.key('body')} is that of front and rear of one half_width, or of unlike ones with "
             "annulus = true; add it"
         )
-    if body.land != AUTO and not body.annulus:
-        raise UserError(f"{lens.key('body.land')} is that of {lens.key('body.annulus')} = true; leave it out")
     if body.draft and lens.outline == "ellipse":
         raise UserError(
             f'{lens.key("body.draft")} needs {lens.key("outline")} = "rectangle", "round" or '

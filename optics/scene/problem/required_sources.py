@@ -6,6 +6,7 @@ from optics.base.runtime import UserError, speaking_of
 from optics.scene.keys import SHORTEST
 from optics.scene.problem.source_schema import LEAST_FLUX, SOURCES, OneSource, Source
 
+VISIBLE = 380.0, 780.0  # nm
 LEAST_SIGMA = 0.005  # of a Gaussian profile: narrower ones fall between the rays
 
 
@@ -47,19 +48,17 @@ def _require_source(source: OneSource) -> None:
         )
     if has.file and not source.file:
         raise UserError("the key source.file is missing; add it")
-    if source.file and not has.file:
-        kinds = " and ".join(f'"{name}"' for name, keys in SOURCES.items() if keys.file)
-        raise UserError(f"source.file is read by the kinds {kinds} only, got the kind {kind!r}")
+    low, high = VISIBLE
+    if source.unit == "lm" and not source.spectrum and not low <= source.wavelength <= high:
+        raise UserError(
+            f'source.unit = "lm" counts visible light, {low:g} to {high:g} nm, and source.wavelength is '
+            f'{source.wavelength:g} nm; take source.unit = "W", or give the source.spectrum of the lumens'
+        )
     if any(source.tilt) and any(source.turn):
         raise UserError(
             "source.tilt (about own axes) and source.turn (about axes that stay) say one rotation twice; "
             "leave one of them out"
         )
-    for key in ("shift", "turn"):
-        if not has.file and any(getattr(source, key)):
-            raise UserError(
-                f"source.{key} is that of a file's light; a {kind} source has source.position and source.tilt"
-            )
     if source.placed and source.half_divergence:
         raise UserError(
             "the blur of a diverging beam is known along the axis only; leave source.position, source.tilt "
@@ -75,11 +74,6 @@ def _require_source(source: OneSource) -> None:
         raise UserError(
             f"source.profile of a {kind} must be {known}, got {source.profile!r}: "
             "the same intensity from every point is all that its file tells"
-        )
-    if not has.diverges and (source.divergence or source.divergence_profile != "uniform"):
-        raise UserError(
-            "source.divergence and source.divergence_profile are those of collimated light; a "
-            f"{kind} source has source.half_angle"
         )
     if source.divergence_profile not in ("uniform", "sun") and not source.divergence:
         raise UserError(

@@ -21,19 +21,19 @@ def require_target(target: Target) -> None:
         raise UserError("the key target.image is missing; add it")
     if target.kind == "function" and not target.formula:
         raise UserError("the key target.formula is missing; add it")
-    if target.kind not in ("image", "zones") and target.seen_from == "lens":
-        raise UserError(
-            'target.seen_from = "lens" turns a picture over; regions and formulas are given in x and y, see '
-            "the page on targets"
-        )
     _require_place(target)
     _require_surface(target)
     if target.kind == "zones" and not target.zones:
         raise UserError('target.kind = "zones" needs a [[target.zone]] or target.regulation; add one')
     for name, zone in target.zones:
         _require_zone(name, zone, target)
+    if target.aperture and not target.zones:
+        raise UserError(
+            f"target.aperture = {target.aperture:g} has no effect without zones; leave it out, which is 0, "
+            "or add a [[target.zone]] or target.regulation"
+        )
     least = 2 * max(target.half_width) / MOST_APERTURES
-    if target.zones and 0 < target.aperture < least:
+    if 0 < target.aperture < least:
         raise UserError(
             f"target.aperture = {target.aperture:g} is read on too many pixels; it must be at least "
             f"{least:.3g}, or target.half_width smaller"
@@ -104,11 +104,6 @@ def _require_surface(target: Target) -> None:
         raise UserError(
             f'the key target.radius is missing (mm, of target.surface = "{surface}"; above 0 it bulges to '
             "the light); add it"
-        )
-    if not target.curved and not isinf(radius):
-        raise UserError(
-            f'target.radius is that of target.surface = "cylinder" or "sphere", got {radius:g} with '
-            f'"{surface}"; leave it out'
         )
     quarter = pi / 2 * abs(radius)
     for k in range(2 if surface == "sphere" else 1 if target.curved else 0):

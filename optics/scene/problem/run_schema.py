@@ -14,6 +14,9 @@ Number = TypeVar("Number", int, float)
 
 GREATEST_WEIGHT = 1e12
 METHODS = ("lbfgs", "adam")
+# limits of uniform light, and of other light; a formula may ask for either
+OF_UNIFORM = {"target.kind": ("tophat", "function")}
+OF_PICTURES = {"target.kind": ("image", "function")}
 GREATEST_STEP = 50.0  # in units of 0.02 z_freedom: the whole of it
 
 
@@ -31,7 +34,13 @@ class Optimizer:
         note="what traces the light while optimising; metrics are always by the exact tracer",
     )
     method: str = option("lbfgs", choices=METHODS, note="of the optimisation")
-    step: float = option(0.05, above=0, high=GREATEST_STEP, note="of Adam, in units of 0.02 z_freedom")
+    step: float = option(
+        0.05,
+        above=0,
+        high=GREATEST_STEP,
+        note="of Adam, in units of 0.02 z_freedom",
+        only={"method": ("adam",)},
+    )
     iterations: tuple[int, ...] = option(
         (72,),
         low=1,
@@ -41,7 +50,7 @@ class Optimizer:
     finish: int = option(
         0, low=0, high=100_000, note="iterations of a last pass, with the rays of unmerged pixels"
     )
-    memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps")
+    memory: int = option(10, low=1, high=100, note="pairs that L-BFGS keeps", only={"method": ("lbfgs",)})
     start: str = option(
         "transport",
         choices=("transport", "flat"),
@@ -57,11 +66,18 @@ class Optimizer:
         low=0.05,
         high=0.5,
         note="pixels, of the pixel window: the half-width of the bump that smooths it",
+        only={"window": ("cells", "pixel")},
     )
     window_degree: int = option(
-        2, low=1, high=5, note="of the B-spline window, which is window_degree + 1 pixels wide"
+        2,
+        low=1,
+        high=5,
+        note="of the B-spline window, which is window_degree + 1 pixels wide",
+        only={"window": ("bspline", "cells", "pixel")},
     )
-    sigma: float = option(1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window")
+    sigma: float = option(
+        1.0, low=0.3, high=2.5, note="pixels, of the Gaussian window", only={"window": ("gaussian",)}
+    )
     merge: int = option(
         1, low=1, high=64, note="pixels merged in each direction; more for light that is blurred anyway"
     )
@@ -155,20 +171,34 @@ class Verify:
     irradiance: float = option(1e-6, above=0, note="limit of the relative difference of the irradiance")
     volume: float = option(1e-6, above=0, note="limit of the relative difference of the volume")
     grid: int = option(
-        21, low=9, high=101, note="boxes in each direction over the lit region, on which uniformity is judged"
+        21,
+        low=9,
+        high=101,
+        note="boxes in each direction over the lit region, on which uniformity is judged",
+        only=OF_UNIFORM,
     )
     min_over_mean: float = option(
-        0.7, low=0, high=1, note="least U0 = E_min / E_mean of uniform light; 0 is none"
+        0.7, low=0, high=1, note="least U0 = E_min / E_mean of uniform light; 0 is none", only=OF_UNIFORM
     )
-    min_over_max: float = option(0.5, low=0, high=1, note="least E_min / E_max of uniform light; 0 is none")
+    min_over_max: float = option(
+        0.5, low=0, high=1, note="least E_min / E_max of uniform light; 0 is none", only=OF_UNIFORM
+    )
     rsd: float = option(
-        0.12, above=0, infinite=True, note="greatest std E / E_mean of uniform light; inf is none"
+        0.12,
+        above=0,
+        infinite=True,
+        note="greatest std E / E_mean of uniform light; inf is none",
+        only=OF_UNIFORM,
     )
     rel_l2: float | str = option(
         AUTO, above=0, infinite=True, auto=True, note="greatest error of the light; auto is 0.1 of a picture"
     )
     contrast_error: float = option(
-        0.25, above=0, infinite=True, note="greatest ||E - T|| / ||T - mean T|| of a picture; inf is none"
+        0.25,
+        above=0,
+        infinite=True,
+        note="greatest ||E - T|| / ||T - mean T|| of a picture; inf is none",
+        only=OF_PICTURES,
     )
     lit_efficiency: float = option(
         0.5, low=0, high=1, note="least flux on the lit region / flux of the source; 0 is none"

@@ -35,6 +35,9 @@ SOURCES = {
     "rays": SourceKeys(file=True),
     "luminaire": SourceKeys(profiles=("uniform", "round"), file=True, own_flux=True),
 }
+OF_FILES = {"kind": tuple(kind for kind, keys in SOURCES.items() if keys.file)}
+OF_BEAMS = {"kind": tuple(kind for kind, keys in SOURCES.items() if keys.diverges)}
+OF_SIZED = {"kind": tuple(kind for kind, keys in SOURCES.items() if keys.area or keys.own_flux)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +76,22 @@ class OneSource:
     )
     name: str = option("", note="each has its own, where there are several")
     half_width: tuple[float, float] = option(
-        (0.0, 0.0), low=0, high=LONGEST, note="mm; a point has none, 0 is that of a luminaire's file"
+        (0.0, 0.0),
+        low=0,
+        high=LONGEST,
+        note="mm; a point has none, 0 is that of a luminaire's file",
+        only=OF_SIZED,
     )
     position: tuple[float, float, float] | None = option(
         None, size=(0, FARTHEST), note="mm, of its middle, in place of distance"
     )
-    distance: float = option(2.0, low=0, high=FARTHEST, note="mm from the source plane to the front vertex")
+    distance: float = option(
+        2.0,
+        low=0,
+        high=FARTHEST,
+        note="mm from the source plane to the front vertex",
+        only={"position": (None,)},
+    )
     flux: float = option(
         1.0,
         low=LEAST_FLUX,
@@ -92,19 +105,31 @@ class OneSource:
         "uniform", choices=PROFILES, note="over the area; the round ones fill the inscribed ellipse"
     )
     sigma: tuple[float, float] = option(
-        (0.5, 0.5), above=0, high=1e6, note="of the gaussian profiles, relative to half_width"
+        (0.5, 0.5),
+        above=0,
+        high=1e6,
+        note="of the gaussian profiles, relative to half_width",
+        only={"profile": ("gaussian", "round_gaussian")},
     )
     image: str = option(
-        "", note="picture file of the profile image, linear light, relative to the problem file", picture=True
+        "",
+        note="picture file of the profile image, linear light, relative to the problem file",
+        picture=True,
+        only={"profile": ("image",)},
     )
     file: str = option(
         "",
         note="rays (TM-25, Zemax .dat, LightTools .ray) or luminaire (IES, EULUMDAT), relative to the "
         "problem file",
         picture=True,
+        only=OF_FILES,
     )
     shift: tuple[float, float] = option(
-        (0.0, 0.0), size=(0, LONGEST), note="mm in x and y, of a file's origin; distance is that along -z"
+        (0.0, 0.0),
+        size=(0, LONGEST),
+        note="mm in x and y, of a file's origin; distance is that along -z",
+        only=OF_FILES,
+        instead="position",
     )
     tilt: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
@@ -114,22 +139,38 @@ class OneSource:
     turn: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
         size=(0, 360),
-        note="the same about axes that stay: x, then y, then z; tilt or turn, not both",
+        note="the same about axes that stay: x, then y, then z; tilt or turn, not both; of a file's light",
+        only=OF_FILES,
+        instead="tilt",
     )
     half_angle: float = option(
-        90.0, low=1e-3, high=90, note="degrees, of the cone that a lambertian or a point source lights"
+        90.0,
+        low=1e-3,
+        high=90,
+        note="degrees, of the cone that a lambertian or a point source lights",
+        only={"kind": ("lambertian", "point")},
     )
-    exponent: float = option(0.0, low=0, high=1000, note="a point's intensity goes with cos(angle)^exponent")
+    exponent: float = option(
+        0.0,
+        low=0,
+        high=1000,
+        note="a point's intensity goes with cos(angle)^exponent",
+        only={"kind": ("point",)},
+    )
     divergence: float = option(
         0.0,
         low=0,
         high=60,
         note="degrees, of collimated light: the half-angle, or sigma; 0 is parallel, but 0.2665 for the sun",
+        only=OF_BEAMS,
+        instead="half_angle",
     )
     divergence_profile: str = option(
         "uniform",
         choices=DIVERGENCES,
         note="over solid angle, of angles, of the sun's disk, or over the angle (theta_uniform)",
+        only=OF_BEAMS,
+        instead="half_angle",
     )
     wavelength: float = option(
         550.0,

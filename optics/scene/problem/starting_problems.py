@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
 from typing import Any
 
 from optics.scene.keys import AUTO, problem_to_toml
+from optics.scene.problem.choices import SHORT
 from optics.scene.problem.lens_schema import Freeform, Front, LensSpec, Rear
 from optics.scene.problem.problem_record import Problem
 from optics.scene.problem.source_schema import Source
@@ -72,10 +74,12 @@ REGIONS: dict[str, dict[str, Any]] = {  # by ASKED_LIGHT
 
 
 def commented_problem(name: str = "collimated") -> str:
-    """Return a problem file to start from: every key with a value and a comment.
+    """Return a problem file to start from, with comments: every key, or of some tasks those that matter.
 
     name : one of STARTS.
     """
+    if name in SHORT:
+        return files("optics.scene.problem").joinpath(f"starts/{name}.toml").read_text("utf-8")
     return problem_to_toml(_picture().with_(**CHANGES[name]), notes=True)
 
 
@@ -96,14 +100,16 @@ def answered_problem(source: str, light: str, width: float) -> str:
     chip = min(CHIP, width * (EVEN if light in REGIONS else SHARP))
     sources: dict[str, dict[str, Any]] = {
         "beam": {"kind": "collimated", "half_width": square(47.5)},
+        "sun": {"kind": "collimated", "half_width": square(47.5), "divergence_profile": "sun"},
         "point": {"kind": "point", **lamp},
         "led": {"kind": "lambertian", "half_width": (chip, chip), **lamp},
     }
+    parallel = source in ("beam", "sun")
     target = {"distance": mm(300.0), "half_width": square(100.0)}
     changes = {
         "source": sources[source],
-        "lens.thickness": mm(20.0 if source == "beam" else 35.0),
-        "lens.front.half_width": square(50.0 if source == "beam" else 45.0),
+        "lens.thickness": mm(20.0 if parallel else 35.0),
+        "lens.front.half_width": square(50.0 if parallel else 45.0),
         "lens.rear.half_width": square(50.0),
         "target": target | REGIONS.get(light, {"kind": "image", "image": light}),
     }

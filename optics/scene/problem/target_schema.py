@@ -12,6 +12,7 @@ from optics.scene.photometry import REGULATIONS, regulation
 
 SHAPES = ("rectangle", "ellipse", "ring")  # of stops
 MAX_PIXELS = 4096
+OF_PICTURES = {"kind": ("image",)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +27,11 @@ class StopSpec:
     shape: str = option(choices=SHAPES, note="of the hole, or of the obstacle")
     half_width: tuple[float, float] = option(low=SHORTEST, high=LONGEST, note="mm in own x and y")
     inner: tuple[float, float] = option(
-        (0.0, 0.0), low=0, high=LONGEST, note="mm, of a ring: the half-widths where it begins"
+        (0.0, 0.0),
+        low=0,
+        high=LONGEST,
+        note="mm, of a ring: the half-widths where it begins",
+        only={"shape": ("ring",)},
     )
     position: tuple[float, float, float] = option(size=(0, FARTHEST), note="mm, of its middle")
     tilt: tuple[float, float, float] = option(
@@ -58,7 +63,13 @@ class Zone:
     greatest: float = option(inf, above=0, infinite=True, note="the same; inf is none")
     least_of_peak: float = option(0.0, low=0, high=1, note="least, of the greatest on the target; 0 is none")
     peak: bool = option(False, note="limits are those of its brightest place; alone: of the whole target")
-    margin: float = option(0.3, low=0, high=10, note="that the design aims at, of each limit")
+    margin: float = option(
+        0.3,
+        low=0,
+        high=10,
+        note="that the design aims at, of each limit",
+        only={"target.kind": ("zones",)},
+    )
     unit: str = option("", choices=("", "cd", "lx"), note="of the limits; empty is that of the target")
 
     @property
@@ -88,13 +99,26 @@ class Target:
         choices=("image", "tophat", "function", "zones"),
         note="a picture, a region of uniform light, a formula, or the smoothest light that keeps the zones",
     )
-    image: str = option("", note="picture file, relative to the problem file; of kind image", picture=True)
-    formula: str = option("", note="light at x, y from -1 to 1 over the target, y upward; of kind function")
+    image: str = option(
+        "", note="picture file, relative to the problem file; of kind image", picture=True, only=OF_PICTURES
+    )
+    formula: str = option(
+        "",
+        note="light at x, y from -1 to 1 over the target, y upward; of kind function",
+        only={"kind": ("function",)},
+    )
     shape: str = option(
-        "rectangle", choices=("rectangle", "ellipse", "crescent"), note="of the region of kind tophat"
+        "rectangle",
+        choices=("rectangle", "ellipse", "crescent"),
+        note="of the region of kind tophat",
+        only={"kind": ("tophat",)},
     )
     lit: tuple[float, float] = option(
-        (0.75, 0.75), above=0, high=1, note="width and height of that region, relative to the target's"
+        (0.75, 0.75),
+        above=0,
+        high=1,
+        note="width and height of that region, relative to the target's",
+        only={"kind": ("tophat",)},
     )
     distance: float | None = option(
         None,
@@ -102,6 +126,7 @@ class Target:
         high=FARTHEST,
         infinite=True,
         note="mm from the rear vertex to the middle of the target, on the axis; inf is the far field",
+        example=400.0,
     )
     position: tuple[float, float, float] | None = option(
         None, size=(0, FARTHEST), note="mm, of the target's middle, in place of distance"
@@ -119,19 +144,25 @@ class Target:
         size=(SHORTEST, FARTHEST),
         infinite=True,
         note="mm, of a cylinder or a sphere; above 0 it bulges to the light",
+        only={"surface": ("cylinder", "sphere")},
     )
     half_width: tuple[float, float] = option(
         low=SHORTEST,
         high=FARTHEST,
         note="mm in own x and y, from the middle to the border, along the surface; degrees in the far field",
     )
-    encoding: str = option("srgb", choices=("srgb", "linear"), note="of the picture's numbers")
+    encoding: str = option(
+        "srgb", choices=("srgb", "linear"), note="of the picture's numbers", only=OF_PICTURES
+    )
     pixels: tuple[int, int] = option((256, 256), low=2, high=MAX_PIXELS, note="columns, rows")
-    fit: str = option("crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape")
+    fit: str = option(
+        "crop", choices=("crop", "pad", "stretch"), note="for pictures of another shape", only=OF_PICTURES
+    )
     seen_from: str = option(
         "behind",
         choices=("behind", "lens"),
         note="where the picture reads right: behind the target looking at the lens, or from the lens's side",
+        only={"kind": ("image", "zones")},
     )
     crossing: bool = option(False, note="light crosses on its way, so that the lens is about twice as curved")
     regulation: str = option("", choices=("", *REGULATIONS), note="its table, as zones before those below")

@@ -5,7 +5,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from optics.scene.receivers.curved_receivers import Cylinder, Sphere
     from optics.scene.receivers.fitted_picture import divided, fit_picture, merged
-    from optics.scene.receivers.formula import formula_light, formula_pixels
+    from optics.scene.receivers.formula import formula_light, formula_pixels, require_quick
     from optics.scene.receivers.picture import read_picture
     from optics.scene.receivers.receivers import (
         DEGREES,

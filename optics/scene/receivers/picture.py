@@ -50,6 +50,7 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
             with Image.open(path, formats=tuple(FORMATS)) as image:
                 if image.width * image.height > MAX_SOURCE_PIXELS:
                     raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
+                _require_one(path, image)
                 # where a TIFF says that 0 is white Pillow heeds it with up to 8 bits
                 inverted = image.mode in DEEP_MODES and getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0
                 curve = curve_of(image.info, encoding)
@@ -81,6 +82,19 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
 @cache
 def _note_once(sentence: str) -> None:
     note(sentence)
+
+
+def _require_one(path: str | Path, image: Image.Image) -> None:
+    """Refuse a file of several pictures, of which nobody said which one is meant.
+
+    The others of a photograph (MPO in a JPEG) are made of the first one, which is taken.
+    """
+    count = 1 if image.format in ("JPEG", "MPO") else getattr(image, "n_frames", 1)
+    if count > 1:
+        raise UserError(
+            f"{path} holds {count} pictures, frames or pages, and one is wanted; save the one that you mean "
+            "as a file of its own"
+        )
 
 
 def _too_large(path: str | Path, size: str) -> str:

@@ -16,6 +16,8 @@ from optics.scene.problem import Optic, Problem, Source
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
 VISIBLE = range(380, 781, 20)  # nm, at which absorption is tabulated for other light that may come later
+SAME_INDEX = 1e-3  # grades and melts of one material differ by less
+SAME_ABSORPTION = 1e-2  # relative
 CAUCHY = -2  # power of the wavelength in which indices are interpolated
 
 
@@ -54,6 +56,37 @@ def with_material(problem: Problem) -> Problem:
             changes["absorptions"] = spec.absorptions or _absorption_rows(spec, problem.source)
         problem = problem.with_optic(spec, **changes)
     return problem
+
+
+def require_one_glass(problem: Problem) -> None:
+    """Refuse a lens whose keys give two indices, or two absorptions, at the source's wavelength.
+
+    problem : with numbers for index and absorption.
+
+    Raises UserError : names both keys with their values.
+    """
+    nm = problem.source.wavelength
+    for spec in problem.optics:
+        others = []
+        with suppress(UserError):  # of a table that does not reach that wavelength, or has no rows
+            others.append((_tabulated_index(spec, nm), f"{spec.key('indices')}, which have", ""))
+        with suppress(UserError):  # of a name that is a label, or a wavelength out of the material's range
+            index = find_material(spec.material).index(nm)
+            named = f'{spec.key("material")} = "{spec.material}", which has'
+            others.append((index, named, ", or give the material a name of its own"))
+        for index, said, remedy in others:
+            if abs(index - spec.known_index) > SAME_INDEX:
+                raise UserError(
+                    f"{spec.key('index')} = {spec.known_index:g} contradicts {said} {index:.5f} at {nm:g} "
+                    f"nm; leave one of them out{remedy}"
+                )
+        if spec.absorptions and spec.absorption:
+            own, table = float(spec.absorption), tabulated(spec.absorptions, nm, spec.key("absorptions"))
+            if abs(table - own) > SAME_ABSORPTION * max(own, table):
+                raise UserError(
+                    f"{spec.key('absorption')} = {own:g} contradicts {spec.key('absorptions')}, which have "
+                    f"{table:g} at {nm:g} nm; leave one of them out"
+                )
 
 
 def known_material(spec: Optic) -> Material | None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import ceil
+from dataclasses import fields
+from math import ceil, prod
 from pathlib import Path
 
 import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
-from optics.scene.problem import Problem, freedom_of, load_problem
-from optics.scene.system.lens_material import with_material
+from optics.scene.problem import OF_PICTURES, OF_UNIFORM, Problem, freedom_of, load_problem
+from optics.scene.system.lens_material import require_one_glass, with_material
 from optics.scene.system.made_parts import volume_of_made
 from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
@@ -23,7 +24,8 @@ from optics.scene.system.reach import (
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import require_places
 
-MANY_POLES, STEP_BYTES = 250_000, 76  # poles of a face from where a note is due, and what one takes in a file
+# poles of a face, and times as many as its sag has, from where a note is due; and what one takes in a file
+MANY_POLES, MORE, STEP_BYTES = 10_000, 2, 76
 NOTHING = Own()
 SAME_FLUX = 1e-9  # relative, of rounding
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
@@ -46,10 +48,12 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
 
     Raises UserError : limits that contradict each other, a prescription that makes no lens, a picture that
         cannot be read, a source or a target that lies in the lens, a target that no lens can light, from
-        before or at all, a material that is not known, a stop in the lens, before the source or behind the
-        target, blur of a row of elements.
+        before or at all, a material that is not known, a lens with two indices, a stop in the lens, before
+        the source or behind the target, blur of a row of elements, limits of light that is not requested.
     """
-    require_limits(with_material(problem))
+    made_of = with_material(problem)
+    require_one_glass(made_of)
+    require_limits(made_of)
     if own.source and not np.isclose(own.source.flux, problem.flux, rtol=SAME_FLUX, atol=0.0):
         raise UserError(
             f"the flux of the script's source, {own.source.flux:g}, must be that of the problem, "
@@ -67,6 +71,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     start = system.path(system.lens).before if system.source.collimated else -np.inf
     require_places(problem, ((system.problem.optic, system.lens), *system.others), system.stops, start)
     require_light(system)
+    require_judged(system)
     require_sharp(system)
     require_reachable(system)
     return system
@@ -86,6 +91,24 @@ def require_light(system: OpticalSystem) -> None:
             "source.image is dark wherever it meets the lens; make source.half_width smaller or "
             f"{system.problem.optic.key('front.half_width')} larger"
         )
+
+
+def require_judged(system: OpticalSystem) -> None:
+    """Refuse limits of uniform light where a formula varies, and limits of a picture where it does not.
+
+    Raises UserError : names the key.
+    """
+    if system.problem.target.kind != "function":
+        return
+    uniform, limits = system.target.uniform_region is not None, system.problem.verify
+    shape = "is uniform where it is lit" if uniform else "varies over the target"
+    for f in fields(limits):
+        idle = OF_PICTURES if uniform else OF_UNIFORM
+        if f.metadata.get("only") == idle and getattr(limits, f.name) != f.default:
+            raise UserError(
+                f"verify.{f.name} has no effect with target.formula, whose light {shape}; leave it out, "
+                f"which is {f.default:g}"
+            )
 
 
 def require_sharp(system: OpticalSystem) -> None:
@@ -155,8 +178,8 @@ def advice(system: OpticalSystem) -> list[str]:
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
             "an extended source blurs its light anyway: --set optimizer.window=bspline "
-            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time "
-            "(examples/extended.toml)"
+            "--set optimizer.lost_flux_weight=0 suit it better, and merged pixels save time: "
+            "--set optimizer.merge=2"
         )
     if problem.target.zones:
         sentences += _zone_advice(system)
@@ -169,17 +192,28 @@ def advice(system: OpticalSystem) -> list[str]:
             f"{thrown:.1g} mm at this distance; verify.landing = {problem.verify.landing:g} mm may be "
             "refused then: use conic = -1, or raise it if that will do"
         )
-    poles = max(graph.coefficients.size for graph in lens.graphs())
-    if bent and poles > MANY_POLES:
-        sentences.append(
-            f"a conic other than a paraboloid needs {poles:,} poles as a spline, about "
-            f"{poles * STEP_BYTES / 1e6:.0f} MB of STEP: conic = -1 needs no extra poles, a higher "
-            f"{problem.optic.key(system.shaped)}.freeform.degree fewer"
-        )
+    if bent:
+        sentences += _many_poles(system)
     return sentences + [
         sentence
         for optic, shape in free
         for sentence in limit_advice(problem.about(optic), shape, volume_of_made(optic, shape))
+    ]
+
+
+def _many_poles(system: OpticalSystem) -> list[str]:
+    """Return a sentence where a conic gives a face many more poles than the finest level of its sag has."""
+    free = system.freeforms[-1]
+    poles = max(graph.coefficients.size for graph in system.lens.graphs())
+    needed = prod((n << free.finest) + free.degree for n in free.spans)
+    if poles <= MANY_POLES or poles <= MORE * needed:
+        return []
+    key = system.problem.optic.key(system.shaped)
+    return [
+        f"a conic other than a paraboloid needs {poles:,} poles as a spline in the STEP file, about "
+        f"{poles * STEP_BYTES / 1e6:.0f} MB, where the sag has at most {needed:,}: {key}.conic = -1 needs no "
+        "extra poles, and the free surface makes up the difference; a higher "
+        f"{key}.freeform.degree needs fewer"
     ]
 
 

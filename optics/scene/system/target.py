@@ -25,6 +25,7 @@ from optics.scene.receivers import (
     formula_light,
     formula_pixels,
     merged,
+    require_quick,
     smoothest_light,
     uniform_region,
     zone_places,
@@ -86,6 +87,7 @@ class LightTarget:
                 )
             return light
         if target.kind == "function":
+            require_quick(target.formula, target.pixels)
             return formula_light(target.formula, target.pixels)
         if target.kind == "zones":
             return smoothest_light(self.screen(), self.zone_rows(self.screen()), self.flux)

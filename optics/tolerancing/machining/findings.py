@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import atan, ceil, degrees
 
@@ -44,6 +45,8 @@ from thbcad.tools import (
 RAYS = 257  # in each direction: a map finer than a picture shows
 ANYWHERE = 257  # points in each direction, on the rim too
 OF_BLUR = 0.5  # of the blur without cusps: both together are wider by an eighth
+RISE = 0.01  # of rel_l2 by cusps that need no polishing: that of tolerances where nothing else is said
+FINER = 4  # steps that are tried for one whose cusps raise rel_l2 by less
 ROUND_DOWN = 1 - 1e-14  # below the roundings of an arctangent and a product
 
 
@@ -92,7 +95,9 @@ class SurfaceFindings:
     yardstick : pixels, half of the blur that there is without cusps, at least one.
     height_anywhere : mm, of cusps on the whole surface for each mm^2 of the pitch squared, sampled; NaN where
         the tool fits nowhere.
-    light : with the cusps; None where it is unknown.  motion : of a nose that fits, else None
+    light : with the cusps; None where it is unknown.
+    finer : a smaller step or feed, mm, and by how much its cusps raise rel_l2; None where those of `pitch`
+        raise it by RISE at most, or none was found.  motion : of a nose that fits, else None
     rows : of a ball
     """
 
@@ -104,6 +109,7 @@ class SurfaceFindings:
     yardstick: float
     height_anywhere: float
     light: CuspLight | None
+    finer: tuple[float, float] | None
     motion: SpiralMotion | None
     rows: RowCut | None
 
@@ -120,11 +126,19 @@ class SurfaceFindings:
         return None if self.blur is None else self.yardstick / self.blur.worst()[0]
 
     @property
+    def rise(self) -> float:
+        """By how much cusps raise rel_l2; 0 where that is unknown."""
+        return 0.0 if self.light is None else self.light.with_cusps - self.light.without
+
+    @property
     def polish(self) -> bool | None:
-        """Whether cusps blur the light by more than the yardstick; None where that is unknown."""
+        """Whether cusps blur the light by more than the yardstick, or raise rel_l2 by more than RISE.
+
+        None where that is unknown.
+        """
         if self.pitch is None or self.largest_pitch is None:
             return None
-        return self.pitch > self.largest_pitch
+        return self.pitch > self.largest_pitch or self.rise > RISE
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,20 +212,39 @@ def _surface(
     pitch = order.pitch
     if pitch is None and blur is not None:
         pitch = yardstick / blur.worst()[0]
-    light = None
+    light = finer = None
     if blur is not None and pitch is not None and not blur.unknown:
 
-        def slopes(x: Floats, y: Floats) -> Floats:
-            return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
+        def cut_light(pitch: float) -> CuspLight | None:
+            def slopes(x: Floats, y: Floats) -> Floats:
+                return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
 
-        light = light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
+            return light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
+
+        light = cut_light(pitch)
+        finer = _finer_pitch(cut_light, pitch, light)
     turns = order.spiral and fit.proven
     motion = spiral_motion(graph, outline, radius, pitch) if turns and pitch is not None else None
     rows = None if order.spiral or pitch is None else row_cut(graph, outline, order, pitch)
     # the greatest height of cusps all over a surface for a pitch of 1 mm, mm; NaN where none fits
     heights = cusps_of(graph, *_grid(outline), order, 1.0).height
     anywhere = float(np.nanmax(heights)) if np.isfinite(heights).any() else float("nan")
-    return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, motion, rows)
+    return SurfaceFindings(name, graph, fit, blur, pitch, yardstick, anywhere, light, finer, motion, rows)
+
+
+def _finer_pitch(
+    cut_light: Callable[[float], CuspLight | None], pitch: float, light: CuspLight | None
+) -> tuple[float, float] | None:
+    """Return a step or feed whose cusps raise rel_l2 by at most RISE, and by how much; None if not needed."""
+    for _ in range(FINER):
+        rise = 0.0 if light is None else light.with_cusps - light.without
+        if rise <= RISE:
+            break
+        pitch = float(f"{pitch * min(0.95 * RISE / rise, 0.5):.3g}")
+        light = cut_light(pitch)
+        if light is not None and light.with_cusps - light.without <= RISE:
+            return pitch, light.with_cusps - light.without
+    return None
 
 
 def _grid(outline: Outline) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any
 
 from optics.scene.limits import bound_data, position
-from optics.tolerancing.machining.findings import RowCut, SpiralMotion, SurfaceFindings, ToolFindings
+from optics.tolerancing.machining.findings import RISE, RowCut, SpiralMotion, SurfaceFindings, ToolFindings
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.tools import Fit, Gaps
 
@@ -128,8 +128,18 @@ def _polish_line(order: ToolOrder, surface: SurfaceFindings) -> str:
     assert surface.pitch is not None
     blurred = f"by {surface.blur.worst()[0] * surface.pitch:.3g} pixels"
     yardstick = _yardstick(surface).rstrip(",")
+    what = "feed" if order.spiral else "step"
+    if surface.light is not None and surface.rise > RISE and surface.pitch <= (surface.largest_pitch or 0.0):
+        finer = ""
+        if surface.finer is not None:
+            pitch, rise = surface.finer
+            finer = f"; those of --{what} {pitch:g} raise it by {rise:.4f}"
+        return (
+            f"the {surface.name} must be polished, or cut with a smaller {what}: its cusps raise rel_l2 from "
+            f"{surface.light.without:.4f} to {surface.light.with_cusps:.4f}, by more than {RISE:g}, although "
+            f"they blur the light only {blurred}{finer}"
+        )
     if surface.polish:
-        what = "feed" if order.spiral else "step"
         return (
             f"the {surface.name} must be polished, or cut with the largest {what}: its cusps blur the light "
             f"{blurred}, more than {yardstick}"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from optics.tolerancing.monte_carlo_samples.sample_batch import CONFIDENCE, SHOWN, SampleBatch
 from optics.tolerancing.monte_carlo_samples.sampling import ErrorModel, Sampled
-from optics.tolerancing.perturbations import ToleranceBudget
+from optics.tolerancing.perturbations import ToleranceBudget, limit_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,13 +18,12 @@ class MonteCarlo:
     """Monte Carlo samples of a design.
 
     sampled : what they deliver, and their errors.  model : how these are drawn.
-    budget : of the same tolerances, one at a time.  limit : of rel_l2, that a good lens keeps.
+    budget : of the same tolerances, one at a time, whose limits a good lens keeps.
     """
 
     sampled: Sampled
     model: ErrorModel
     budget: ToleranceBudget
-    limit: float
 
     @property
     def batch(self) -> SampleBatch:
@@ -63,7 +62,7 @@ class MonteCarlo:
             form.name: {"rms_nm": 1e6 * form.rms, "periods_mm": list(form.band)} for form in self.model.forms
         }
         return {
-            **self.batch.data(self.limit),
+            **self.batch.data(self.budget.bounds),
             "forms": forms,
             "expected_rel_l2": self.expected,
             "shares": self.shares(),
@@ -73,15 +72,19 @@ class MonteCarlo:
         """Return what to expect of a batch."""
         batch = self.batch
         median, worst = (batch.quantile(part) for part in SHOWN[1:])
-        passing, good = batch.passing(self.limit), batch.good
+        bounds, good = self.budget.bounds, batch.good
+        kept, each = batch.keeping(bounds), {name: batch.keeping({name: bounds[name]}) for name in bounds}
+        alone = "; ".join(f"{name} alone {part.value:.1%}" for name, part in each.items())
         the = "" if self.model.system.problem.element else "the "
         make = "are known to make" if batch.undecided else "make"
         lines = [
             f"{batch.rel_l2.size} lenses were traced, each with all errors at once. Half of them have a "
             f"rel_l2 of at most {median.value:.2%}, and {SHOWN[2]:.0%} of at most {worst.value:.2%}.",
+            f"{kept.value:.1%} of the lenses keep {limit_words(bounds)}; with {CONFIDENCE:.0%} confidence "
+            f"this yield lies between {kept.low:.1%} and {kept.high:.1%}"
+            + (f" ({alone})." if len(each) > 1 else "."),
             f"{good.value:.1%} of the lenses {make} the light that was asked for, by the limits of [verify]; "
-            f"with {CONFIDENCE:.0%} confidence the yield lies between {good.low:.1%} and {good.high:.1%}. "
-            f"{passing.value:.1%} keep rel_l2 below {self.limit:.2%}.",
+            f"with {CONFIDENCE:.0%} confidence the yield lies between {good.low:.1%} and {good.high:.1%}.",
             f"Root mean square they have {sqrt(batch.mean_square().value):.2%}; rises by single errors add "
             f"up to {self.expected:.2%}.",
         ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import sqrt
 from typing import Any, Final
@@ -31,6 +32,7 @@ class SampleBatch:
     """The light of Monte Carlo samples, lenses made with errors, in independent sets of the same size.
 
     rel_l2, efficiency, made : (sets, lenses), inf, 0 and 0 of lenses that could not be traced.
+    min_over_mean : the same, of uniform light, NaN where it is unknown; None of other light.
     made : the verdict on the light: 1 where it is made, 0 where it misses, NaN where rays do not tell.
     failures : the different sentences why not.
     seconds : of all traces together.
@@ -41,6 +43,7 @@ class SampleBatch:
     made: Floats
     failures: tuple[str, ...] = ()
     seconds: float = 0.0
+    min_over_mean: Floats | None = None
 
     def quantile(self, part: float) -> Range:
         """Return the least rel_l2 that so large a part of all lenses does not exceed."""
@@ -52,9 +55,16 @@ class SampleBatch:
         sets = np.square(self.rel_l2).mean(axis=1)
         return self._around(float(sets.mean()), sets)
 
-    def passing(self, limit: float) -> Range:
-        """Return the part of all lenses whose rel_l2 is at most a limit."""
-        return self._part(self.rel_l2 <= limit)
+    def keeping(self, bounds: Mapping[str, float]) -> Range:
+        """Return the part of all lenses that keep limits: of rel_l2 at most, of other numbers at least.
+
+        bounds : of "rel_l2", "efficiency" and "min_over_mean".
+        """
+        kept = np.ones(self.rel_l2.shape, bool)
+        for name, bound in bounds.items():
+            values = getattr(self, name)
+            kept &= values <= bound if name == "rel_l2" else values >= bound
+        return self._part(kept)
 
     @property
     def good(self) -> Range:
@@ -90,8 +100,8 @@ class SampleBatch:
         row, column = np.argwhere(self.rel_l2 == value)[0]
         return int(row), int(column)
 
-    def data(self, limit: float) -> dict[str, Any]:
-        """Return it as numbers by name.  limit : of rel_l2, that a good lens keeps."""
+    def data(self, bounds: Mapping[str, float]) -> dict[str, Any]:
+        """Return it as numbers by name.  bounds : see `keeping`."""
         finite = self.efficiency[np.isfinite(self.rel_l2)]
         return {
             "samples": int(self.rel_l2.size),
@@ -103,8 +113,9 @@ class SampleBatch:
             "efficiency_least": float(finite.min()) if finite.size else 0.0,
             "yield": asdict(self.good),
             "undecided": self.undecided,
-            "limit_rel_l2": limit,
-            "within_limit": asdict(self.passing(limit)),
+            "limits": dict(bounds),
+            "yield_by_limits": asdict(self.keeping(bounds)),
+            "yield_by_limit": {name: asdict(self.keeping({name: bounds[name]})) for name in bounds},
             "not_traced": int((~np.isfinite(self.rel_l2)).sum()),
             "failures": list(self.failures),
         }

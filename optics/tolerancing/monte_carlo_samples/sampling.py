@@ -75,11 +75,12 @@ class ErrorModel:
 
 
 class Traced(NamedTuple):
-    """What a worker says of a lens.  made : as of a SampleBatch."""
+    """What a worker says of a lens.  made, min_over_mean : as of a SampleBatch, NaN of other light."""
 
     rel_l2: float
     efficiency: float
     made: float
+    min_over_mean: float
 
 
 class Sampled(NamedTuple):
@@ -103,7 +104,8 @@ def traced(model: ErrorModel, draw: Draw) -> Traced:
     checks = delivery_checks(metrics, model.system.problem.verify)
     found = grade(replace(check, error=0.0) for check in checks)
     made = np.nan if found == "not decided" else float(found == "made")
-    return Traced(metrics["rel_l2_debiased"], metrics["efficiency"], made)
+    least = metrics.get("uniformity", {}).get("min_over_mean")
+    return Traced(metrics["rel_l2_debiased"], metrics["efficiency"], made, np.nan if least is None else least)
 
 
 def sample_lenses(
@@ -122,7 +124,7 @@ def sample_lenses(
     fields = range(FIELDS if model.forms else 0)
     alone = [Draw(right, seed, sign) for seed in fields for sign in (1.0, -1.0)]
     items = [*alone, *chain.from_iterable(sets)]
-    found = np.full((len(items), 3), (np.inf, 0.0, 0.0))
+    found = np.full((len(items), 4), (np.inf, 0.0, 0.0, 0.0))
     failures: dict[str, None] = {}
     seconds = 0.0
     with closing(run_tasks(traced, items, pool, model)) as results:
@@ -134,6 +136,8 @@ def sample_lenses(
             seconds += result.seconds
             if progress:
                 progress(done, len(items))
-    rel, efficiency, made = found[len(alone) :].T.reshape(3, REPLICATES, -1)
+    rel, efficiency, made, least = found[len(alone) :].T.reshape(4, REPLICATES, -1)
+    uniform = model.system.target.uniform_region is not None
     by_form = float(np.square(found[: len(alone), 0]).mean()) if alone else None
-    return Sampled(SampleBatch(rel, efficiency, made, tuple(failures), seconds), sets, by_form)
+    batch = SampleBatch(rel, efficiency, made, tuple(failures), seconds, least if uniform else None)
+    return Sampled(batch, sets, by_form)

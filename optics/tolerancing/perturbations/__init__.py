@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .light_limits import RISE, LightJudge, LightNumbers
     from .linear_light import LinearLight
     from .perturbation import NOMINAL, Perturbation as Perturbation
-    from .shop_words import HEAD, effect_rows, shop_sentences
+    from .shop_words import HEAD, effect_rows, limit_words, shop_sentences
     from .tolerance_effects import ToleranceBudget, ToleranceEffect
     from .tolerance_names import Tolerance, tolerances_of as tolerances_of
     from .tolerance_trials import tolerance_budget

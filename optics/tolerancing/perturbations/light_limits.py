@@ -23,6 +23,7 @@ from thbcad.checks import Floats
 Limits = Mapping[str, float]
 
 RISE = 0.01  # what rel_l2 may rise by where nothing else is said
+KEPT = 0.99  # of the design's efficiency, that light must keep where nothing else is said
 EVEN = 0.7  # min_over_mean that uniform light must keep where nothing else is said
 NOT_UNIFORM = "the light asked for is not uniform"  # why it has no min_over_mean
 NAMES = ("rise", "rel_l2", "min_over_mean", "efficiency")
@@ -89,10 +90,13 @@ class LightJudge:
 def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float]:
     """Return what holds where no limits are given: min_over_mean EVEN of uniform light, else a rise by RISE.
 
+    Efficiency must be KEPT of the design's: neither of them sees light that is lost.
+
     Boxes that rays are counted in differ by chance, and the least of them most of all.
     """
     known = design.min_over_mean is not None and light.by_cells
-    return {"min_over_mean": EVEN} if known else {"rise": RISE}
+    limits = {"min_over_mean": EVEN} if known else {"rise": RISE}
+    return limits | ({"efficiency": KEPT * design.efficiency} if design.efficiency else {})
 
 
 def limits_of(asked: float | Limits | None, usual: Limits) -> dict[str, float]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from optics.tolerancing.perturbations.light_limits import RISE, LightNumbers
 from optics.tolerancing.perturbations.tolerance_effects import ToleranceBudget, ToleranceEffect
 from optics.tolerancing.perturbations.tolerance_trials import FREE
 
+EASY = 0.25  # of an allowed amount: a usual one that is no more needs no care
 SAID = 5  # tolerances of each holder that have a sentence; the others are in the table
 HOLDERS = {"shop": "The shop", "mount": "Who mounts part, source and target"}  # by Tolerance.held_by
 MANY = 100  # times an amount: from here on it costs nothing
@@ -30,7 +33,7 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
     """Return what light must keep, which errors cost most, which cost nothing, and what to expect."""
     ranked = budget.by_cost()
     free = [e.tolerance.name for e in ranked if e.allowed is None]
-    keep = " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in budget.bounds.items())
+    keep = limit_words(budget.bounds)
     floats = "; the light may shift as a whole on the target, which follows it" if budget.floats else ""
     lines = [f"The design has {_numbers(budget.light)}. Each error alone must keep {keep}{floats}."]
     if budget.missed:
@@ -45,11 +48,7 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
     else:
         for held_by, holder in HOLDERS.items():
             limited = [e for e in ranked if e.allowed is not None and e.tolerance.held_by == held_by]
-            if limited:
-                lines.append(f"{holder} must hold, the costliest first:")
-                lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(limited[:SAID], 1)]
-            if (more := len(limited) - SAID) > 0:
-                lines.append(f"The other {more}, with lower cost, are in the table.")
+            lines += _of_holder(holder, limited)
         if free:
             lines.append(
                 f"No care needed: {', '.join(free)}. No error of these was found that reaches a limit, up to "
@@ -70,6 +69,33 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
             f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers "
             "min_over_mean; limit rel_l2 or efficiency, or measure on fewer and larger pixels "
             "(target.pixels)."
+        )
+    return lines
+
+
+def limit_words(bounds: Mapping[str, float]) -> str:
+    """Return limits as words, such as "min_over_mean at least 0.700"."""
+    return " and ".join(f"{n} {SIGNS[n]} {_number(n, value)}" for n, value in bounds.items())
+
+
+def _of_holder(holder: str, limited: Sequence[ToleranceEffect]) -> list[str]:
+    """Return what a shop or a mount must hold; where the usual amounts are far within it, that they will do.
+
+    limited : the effects with an allowed amount, the costliest first.
+    """
+    costly = [effect for effect in limited if effect.cost > EASY]
+    lines = [f"{holder} must hold, the costliest first:"] if costly else []
+    lines += [f"{k}. {_held(effect)}" for k, effect in enumerate(costly[:SAID], 1)]
+    if (more := len(costly) - SAID) > 0:
+        lines.append(f"The other {more}, with lower cost, are in the table.")
+    if easy := limited[len(costly) :]:
+        allowed, tolerance = easy[0].allowed, easy[0].tolerance
+        assert allowed is not None
+        others = f"of the other {len(easy)} " if costly else ""
+        lines.append(
+            f"{holder}: the usual amounts {others}will do, since each alone is at most {easy[0].cost:.0%} of "
+            f"what keeps the limits. The nearest is {tolerance.name}: +- {tolerance.words} of +- "
+            f"{tolerance.in_words(allowed.amount)}."
         )
     return lines
 

@@ -28,7 +28,12 @@ BEAM = OpticalSystem(
 POINT = OpticalSystem(
     load_problem(
         ROOT / "examples/point.toml",
-        {"target.kind": "tophat", "target.lit": (1.0, 1.0), "target.half_width": (400.0, 400.0)},
+        {
+            "target.kind": "tophat",
+            "target.image": "",
+            "target.lit": (1.0, 1.0),
+            "target.half_width": (400.0, 400.0),
+        },
     )
 )
 

@@ -228,9 +228,13 @@ def test_the_transport_start_is_near_the_light_asked_for(tmp_path):
     ("spoilt", "message"),
     [
         (lambda x: x + 1j, "numbers must be real, got complex128"),
+        (
+            lambda x: x.view([("sag", float)]),
+            "numbers must be plain, got records with the fields sag; take one",
+        ),
         (lambda x: np.ma.array(x, mask=np.arange(x.size).reshape(x.shape) == 2), "must not be masked, got 1"),
     ],
-    ids=["complex", "masked"],
+    ids=["complex", "fields", "masked"],
 )
 def test_numbers_with_more_to_them_are_refused(tmp_path, spoilt, message):
     system = small_system(tmp_path)

@@ -48,7 +48,7 @@ def made(tmp_path_factory, backend):
     sets = [[Draw((0.1, -0.2), int(n)) for n in rng.integers(1000, size=16)] for _ in range(8)]
     batch = SampleBatch(rel, np.full(rel.shape, 0.9), rel < 1)
     sampled = Sampled(batch, sets, budget.rel_l2**2 + 4e-4)
-    return MonteCarlo(sampled, model, budget, budget.rel_l2 + 0.01)
+    return MonteCarlo(sampled, model, budget)
 
 
 @pytest.mark.slow

@@ -292,6 +292,6 @@ def test_a_choice_that_the_program_cannot_make_says_why(capsys):
     assert "invalid choice: 'prism'" in told
     assert told.endswith(
         "; thbcad cannot do that: an element is a lens or a mirror: [[element]] says where it lies, "
-        '[[path]] how light goes through it (README.md, "What it cannot do", has all)'
+        "[[path]] how light goes through it"
     )
     assert refused(capsys, "new", "--kind", "square").endswith("; thbcad new --help says more")

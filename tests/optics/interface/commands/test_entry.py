@@ -81,6 +81,49 @@ def test_an_error_of_the_program_itself_is_one_sentence_and_has_a_code_of_its_ow
     assert bool(above) == debug
 
 
+@pytest.mark.parametrize("limited", [True, False])
+def test_a_thread_that_cannot_start_is_a_lack_of_memory_or_of_processes(
+    tmp_path, capsys, monkeypatch, limited
+):
+    """Its stack takes memory: under a limit of the address space (ulimit -v) that is what is missing."""
+    limit = 300_000 << 10 if limited else None
+    for module in ("optics.base.workers.lack_of_memory", "optics.interface.commands.cli"):
+        monkeypatch.setattr(f"{module}.address_limit", lambda: limit)
+    error = RuntimeError("can't start new thread")
+    monkeypatch.setattr("optics.interface.commands.check_command.system_of", raising(error))
+    assert main(["check", str(write_problem(tmp_path))]) == 3
+    told = capsys.readouterr().err
+    if limited:
+        assert told.startswith(
+            "thbcad: out of memory; raise its limit (ulimit -v 300000), or use fewer pixels"
+        )
+    else:
+        assert told.startswith("thbcad: the system starts no more threads; raise the limit of processes")
+
+
+INTERRUPTED = """
+import os, signal, sys
+sys.argv = [{name!r}, "check", "x.toml"]
+class Interrupting:
+    def find_spec(name, path, target=None):
+        if name == "thbcad.doors":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting)
+import optics
+"""
+
+
+@pytest.mark.parametrize("name", ["/usr/bin/thbcad", "script.py"])
+def test_ctrl_c_among_the_first_imports_is_one_line_of_the_command(name):
+    """A script has its own handlers of signals: importing the library leaves them alone."""
+    found = python(INTERRUPTED.format(name=name))
+    if name == "script.py":
+        assert found.returncode != 130 or "KeyboardInterrupt" in found.stderr
+        assert "thbcad: interrupted" not in found.stderr
+    else:
+        assert (found.returncode, found.stderr) == (130, "thbcad: interrupted\n")
+
+
 def test_control_characters_of_a_title_do_not_reach_the_terminal(tmp_path, capsys):
     """They could recolour or overwrite lines, or type commands."""
     title = "a\x1b[31m\0\x9b2Jb\nc\u202ed"

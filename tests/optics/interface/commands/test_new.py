@@ -71,7 +71,7 @@ LIKE = {
 
 
 def test_every_kind_but_the_default_has_an_example():
-    assert {*LIKE, "collimated"} == set(STARTS)
+    assert {*LIKE, "collimated", *SHORT} == set(STARTS)
 
 
 @pytest.mark.parametrize("kind", LIKE)
@@ -90,6 +90,22 @@ def test_a_start_can_be_checked(kind, tmp_path, capsys):
     (tmp_path / "my.toml").write_text(commented_problem(kind))
     Image.linear_gradient("L").resize((32, 32)).save(tmp_path / "picture.png")
     few = ("--set", "target.pixels=[32, 32]")
+    assert "the problem is valid" in printed(capsys, "check", tmp_path / "my.toml", *few)
+
+
+SHORT = ("mirror", "wall_washer", "plate", "round", "collimator", "sun")
+
+
+@pytest.mark.parametrize("kind", SHORT)
+def test_a_short_start_is_a_commented_problem_without_other_files_that_check_accepts(kind, tmp_path, capsys):
+    text = printed(capsys, "new", "--kind", kind)
+    (tmp_path / "my.toml").write_text(text)
+    problem = load_problem(tmp_path / "my.toml")
+    assert not problem.target.image
+    assert len(text.splitlines()) < 60
+    assert text.count("#") > 4
+    free = problem.optic.key("face" if kind == "mirror" else "rear")
+    few = ("--set", "target.pixels=[24, 24]", "--set", f"{free}.freeform.max_level=1")
     assert "the problem is valid" in printed(capsys, "check", tmp_path / "my.toml", *few)
 
 
@@ -131,9 +147,9 @@ def test_no_answer_is_the_usual_one_and_no_file_is_replaced(terminal, tmp_path):
 
 
 def test_an_answer_that_is_none_is_asked_for_again(terminal, tmp_path, capsys):
-    assert terminal("sun", "BEAM", "lost.png", "~nobody/lost.png", "disk", "wide", "0", "nan", "50") == 0
+    assert terminal("moon", "BEAM", "lost.png", "~nobody/lost.png", "disk", "wide", "0", "nan", "50") == 0
     said = capsys.readouterr().out
-    assert "answer beam or point or led" in said
+    assert "answer beam or sun or point or led" in said
     assert "there is no picture lost.png" in said
     assert "there is no picture ~nobody/lost.png" in said
     assert said.count("answer a number from 1 to 1000, in mm") == 3

@@ -91,6 +91,21 @@ def test_even_light_has_its_uniformity_on_at_most_so_many_pixels(tmp_path, backe
     assert f"on {columns} x {rows} pixels" in light_html(light)
 
 
+def test_values_that_no_knob_can_have_are_refused_by_name(tmp_path, backend):
+    explorer = explorer_of(system_of(tmp_path), backend)
+    for values, words in (
+        ({"indx": 0.01}, r"there is no knob 'indx'; there are .*index"),
+        ({"index": float("nan")}, r"index must be a finite number, usually from -0\.05 to 0\.05 1, got nan"),
+        ({"index": "0.01"}, r"index must be a finite number, .* got '0\.01'"),
+        (
+            {"source.divergence": -0.1},
+            r"source\.divergence must be a finite number, usually from 0 to 1 degrees",
+        ),
+    ):
+        with pytest.raises(optics.UserError, match=words):
+            explorer(values)
+
+
 def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch, tmp_path):
     system = optics.System(load_problem(write_problem(tmp_path))).optical
     monkeypatch.setitem(sys.modules, "ipywidgets", None)

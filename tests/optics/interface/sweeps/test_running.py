@@ -4,11 +4,13 @@ import csv
 import json
 import re
 from dataclasses import replace
+from itertools import islice
 
 import pytest
 
 import optics
 from optics.base.runtime import UserError
+from optics.base.workers import run_tasks
 from optics.exchange.results import fingerprint
 from optics.interface.sweeps import running, sweep_folder, sweep_views
 from optics.interface.sweeps.sweep_rows import SweepRow
@@ -173,6 +175,35 @@ def test_no_more_workers_start_than_there_are_variants_to_compute(by, tmp_path, 
     optics.sweep(problem(), {"target.distance": [200.0]}, tmp_path, workers=40)
     optics.sweep(problem(), DISTANCES, tmp_path, workers=40)
     assert asked == [(40, None, 1), (40, None, 2)]
+
+
+def test_workers_that_are_lost_before_the_first_result_leave_nothing_to_resume(by, tmp_path, monkeypatch):
+    """The sentence says what the next command does: begin anew, or go on where something is stored."""
+
+    def lost(after):
+        def run(function, items, pool, common):
+            yield from islice(run_tasks(function, items, pool, common), after)
+            raise UserError("the scheduler does not answer any more")
+
+        return run
+
+    for after, words in (
+        (0, "no variant was stored, so that the same command begins anew"),
+        (1, "--resume goes on"),
+    ):
+        monkeypatch.setattr(running, "run_tasks", lost(after))
+        with pytest.raises(UserError, match=f"the scheduler does not answer any more; .*{words}"):
+            optics.sweep(problem(), DISTANCES, tmp_path / f"out{after}", workers=1)
+        monkeypatch.setattr(running, "run_tasks", run_tasks)
+        found = optics.sweep(problem(), DISTANCES, tmp_path / f"out{after}", workers=1, resume=bool(after))
+        assert len(found.rows) == 3
+
+
+def test_a_device_as_a_picture_is_refused_and_not_read_to_its_end(by, tmp_path):
+    image = {"kind": "image", "image": "/dev/zero", "distance": 300.0, "half_width": (100, 100)}
+    endless = problem().with_(target=image)
+    with pytest.raises(UserError, match=r"cannot read /dev/zero: it is a pipe or a device"):
+        optics.sweep(endless, DISTANCES, tmp_path / "out")
 
 
 def test_there_must_be_something_to_resume(by, tmp_path):

@@ -28,7 +28,6 @@ EXTENDED = SMALL | {
     "source.profile": "image",
     "source.image": "glow.png",
     "source.half_angle": 60.0,
-    "source.exponent": 2.5,
     "lens.front.freeform.degree": 4,
     "lens.front.freeform.spans": [3, 2],
     "lens.front.freeform.max_level": 1,

@@ -24,7 +24,7 @@ def test_a_body_is_read_and_a_problem_without_one_has_none(tmp_path):
     [
         ({"annulus": True}, "front and rear have one half_width"),
         (UNLIKE | {"draft": 1.0}, "or of unlike ones with annulus = true"),
-        ({"land": 1.0}, "lens.body.land is that of lens.body.annulus"),
+        ({"land": 1.0}, "lens.body.land has no effect with lens.body.annulus = false"),
         ({"draft": 46.0}, "lens.body.draft must be"),
         ({"draft": 1.0, "lens.outline": "ellipse"}, 'got "ellipse"'),
         ({"edge_radius": 0.1}, "an outline without sharp corners"),

@@ -1,6 +1,7 @@
 """Problems built and varied in code: the checks and the messages of a problem file."""
 
 import math
+import re
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import UserError
-from optics.scene.keys import assignment
+from optics.scene.keys import assignment, keys_of
 from optics.scene.problem import (
     Freeform,
     Front,
@@ -242,6 +243,21 @@ def test_an_assignment_is_a_key_and_a_value_of_toml_or_a_bare_word_for_a_text(te
     assert assignment(text, Problem) == (key, value)
 
 
+def test_the_example_of_a_number_is_one_that_its_key_takes():
+    """lens.index = 2.5 is no glass, and a share of 2.5 none at all."""
+    examples = {}
+    for key in keys_of(Problem):
+        told = refusal(assignment, f"{key.name}=text", Problem) if key.hint is not str else ""
+        if found := re.search(r"a (?:whole )?number(?: or \"auto\")?, such as \S+=([-\d.e]+), got", told):
+            examples[key.name] = number = float(found[1])
+            limits = key.limits
+            assert limits["low"] is None or limits["low"] <= number, key.name
+            assert limits["high"] is None or number <= limits["high"], key.name
+            assert limits["above"] is None or limits["above"] < number, key.name
+    assert len(examples) > 50
+    assert examples["lens.index"] == 1.49
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -251,9 +267,9 @@ def test_an_assignment_is_a_key_and_a_value_of_toml_or_a_bare_word_for_a_text(te
         ("=", "a key is missing before = in '=': write KEY=VALUE"),
         (
             "target.distance=far",
-            "target.distance must be a number, such as target.distance=2.5, got 'far'",
+            "target.distance must be a number, such as target.distance=400.0, got 'far'",
         ),
-        ("element.M1.reflectance=gold", "such as element.M1.reflectance=2.5, got"),
+        ("element.M1.reflectance=gold", "such as element.M1.reflectance=0.9, got"),
         ("target.half_width=100,100", "such as target.half_width=[1.5, 1.5]"),
         ("target.pixels=100x100", "such as target.pixels=[1, 1]"),
         ("optimizer.fresnel=yes", "true or false"),

@@ -127,6 +127,13 @@ LIMITS = {
 }
 
 
+ACTING = {  # what gives a key of LIMITS an effect
+    "source.half_angle": {"source.kind": "point"},
+    "source.exponent": {"source.kind": "point"},
+    "optimizer.sigma": {"optimizer.window": "gaussian"},
+}
+
+
 def beyond(limit, direction):
     if isinstance(limit, list):
         return [beyond(limit[0], direction), *limit[1:]]
@@ -137,7 +144,7 @@ def beyond(limit, direction):
 def test_limits_belong_to_what_is_allowed_and_nothing_beyond(tmp_path, key):
     for limit, direction in zip(LIMITS[key], (-1, 1)):
         if limit is not None:
-            load_values(tmp_path, SMALL | {key: limit})
+            load_values(tmp_path, SMALL | ACTING.get(key, {}) | {key: limit})
             number, word = np.ravel(limit)[0], "least" if direction < 0 else "most"
             told = refused(tmp_path, {key: beyond(limit, direction)})
             assert re.search(rf"{key}.* must be at {word} {number:g}\b", told)
@@ -163,7 +170,7 @@ PARTNERS = [
     ({"source.profile": "image", "source.image": ""}, "the key source.image is missing"),
     ({"target.image": ""}, "the key target.image is missing"),
     (
-        {"source.kind": "point", "source.distance": 0},
+        {"source.kind": "point", "source.half_width": [0, 0], "source.distance": 0},
         "source.distance must be at least 1e-06 for a point, which would lie in the lens, got 0.0",
     ),
     *(

@@ -110,13 +110,23 @@ def record_within(kind):
     return st.builds(kind, **{f.name: value_within(f.metadata, hints[f.name]) for f in fields(kind)})
 
 
+def acting(record):
+    """Return a record with the defaults of keys that its other keys leave without effect."""
+    decided = {f: f.metadata["only"].items() for f in fields(record)}
+    found = vars(record) | {"target.kind": "image"}
+    idle = [f for f, others in decided.items() if any(found[o] not in v for o, v in others)]
+    return replace(record, **{f.name: f.default for f in idle})
+
+
 @examples(40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     front=st.none() | record_within(Freeform),
     rear=record_within(Freeform),
-    optimizer=record_within(Optimizer).map(lambda o: replace(o, merge=1)),  # of few pixels more is refused
+    optimizer=record_within(Optimizer)
+    .map(acting)
+    .map(lambda o: replace(o, merge=1)),  # few pixels refuse more
     refinement=record_within(Refinement),
-    verify=record_within(Verify),
+    verify=record_within(Verify).map(acting),
     export=record_within(Export),
     run=record_within(Run),
 )

@@ -51,7 +51,10 @@ OTHERS = {
         {"target.zone": [POINT], "target.aperture": 1e-3},
         r"target.aperture = 0.001 is read on too many pixels; it must be at least 0.0\d+",
     ),
-    "none": ({"target.kind": "zones"}, r"needs a \[\[target.zone\]\] or target.regulation; add one"),
+    "none": (
+        {"target.kind": "zones", "target.image": ""},
+        r"needs a \[\[target.zone\]\] or target.regulation; add one",
+    ),
 }
 
 
@@ -64,7 +67,7 @@ def test_zones_that_do_not_go_with_their_problem_are_refused(case, tmp_path):
 
 def test_zones_of_a_file_come_back_from_its_own_text_and_keys_change_by_their_names(tmp_path):
     zones = [{"name": "hot", "points": [[0, 0]], "least": 5.0}, {"line": [[-9, 0], [9, 0]], "greatest": 9.0}]
-    problem = load_problem(write_problem(tmp_path, ZONES), {"target.zone": zones, "target.kind": "zones"})
+    problem = load_problem(write_problem(tmp_path, ZONES | {"target.kind": "zones"}), {"target.zone": zones})
     assert load_text(tmp_path, problem.to_toml()) == problem
     brighter = problem.with_(**{"target.zone.hot.least": 7.0})
     assert brighter.target.zone == (

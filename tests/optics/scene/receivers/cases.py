@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.receivers import formula_light
-from optics.scene.receivers.formula import MAX_LENGTH, SUBPOINTS
+from optics.scene.receivers.formula import SUBPOINTS
+from optics.scene.receivers.formula_syntax import MAX_LENGTH
 from tests.cases import examples
 
 EXAMPLE = "exp(-(x^2 + y^2) / 0.1) * (1 + 0.5 * cos(8 * pi * x))"

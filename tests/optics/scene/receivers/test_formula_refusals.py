@@ -11,7 +11,8 @@ from hypothesis import given, strategies as st
 from optics.base.runtime import LONGEST, UserError
 from optics.interface.commands import main
 from optics.scene.problem import load_problem
-from optics.scene.receivers.formula import ALLOWED, MAX_DEPTH, MAX_LENGTH, formula_light
+from optics.scene.receivers.formula import formula_light, require_quick
+from optics.scene.receivers.formula_syntax import ALLOWED, MAX_DEPTH, MAX_LENGTH
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
@@ -204,20 +205,47 @@ def test_a_formula_is_a_text(tmp_path, bad):
         load_problem(formula_file(tmp_path, {"target.formula": bad}))
 
 
-@pytest.mark.parametrize("fit", ["crop", "pad", "stretch"])
 @pytest.mark.parametrize(
     "kind",
-    [{"target.formula": "1 + x"}, {"target.kind": "tophat", "target.shape": "ellipse"}],
+    [{"target.formula": "1 + x"}, {"target.kind": "tophat", "target.formula": "", "target.shape": "ellipse"}],
     ids=["formula", "region"],
 )
-def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, fit, kind):
+def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, kind):
     """Cropping and padding suit pictures: they would cut a formula or a region on pixels that are not
     square."""
-    oblong = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 32], "target.fit": fit}
+    oblong = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 32]}
     problem = load_problem(formula_file(tmp_path, oblong | kind))
     light = OpticalSystem(problem).target.light
     target = target_irradiance(light, OpticalSystem(problem).target.screen(), problem.target.placing, 1.0)
     np.testing.assert_allclose(target / target.max(), light / light.max(), rtol=1e-13)
+
+
+def test_light_narrower_than_its_samples_is_refused_for_that_reason():
+    """At 48 x 48 pixels the points nearest to the middle are 1/384 of it away, where exp is 0 in float64."""
+    told = refusal("exp(-1e9*r*r)", (48, 48))
+    assert told.startswith("target.formula is greater than 0 only between its 384 x 384 sample points")
+    assert "narrower than they are apart" in told
+    assert formula_light("exp(-1e7*r*r)", (48, 48)).max() == 1.0  # e^-136 is not 0
+
+
+def test_a_formula_that_takes_minutes_is_refused_with_the_pixels_that_do_not(capsys):
+    """Operations count that vary in both directions: those of x or y alone cost next to nothing."""
+
+    def summed(terms):
+        middle = len(terms) // 2
+        return f"({summed(terms[:middle])} + {summed(terms[middle:])})" if middle else terms[0]
+
+    waves = summed([f"sin({k}*x*y)" for k in range(90)])
+    with pytest.raises(UserError) as caught:
+        require_quick(waves, (1024, 1024))
+    told = str(caught.value)
+    assert re.search(r"8192 x 8192 sample points take about \d+ s, and at most 60 s are allowed; take", told)
+    fewer = tuple(int(n) for n in re.search(r"target\.pixels = \[(\d+), (\d+)\]", told).groups())
+    require_quick(waves, fewer)
+    assert "take about 60 s" in capsys.readouterr().err
+    for text, pixels in ((waves.replace("*y", ""), (1024, 1024)), (waves, (256, 256)), ("x*y", (1024, 1024))):
+        require_quick(text, pixels)
+    assert not capsys.readouterr().err
 
 
 def test_check_takes_a_formula(tmp_path, capsys):

@@ -8,7 +8,8 @@ from hypothesis import assume, given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
-from optics.scene.receivers.formula import BAND_POINTS, MAX_LENGTH, SUBPOINTS, formula_light, formula_pixels
+from optics.scene.receivers.formula import BAND_POINTS, SUBPOINTS, formula_light, formula_pixels
+from optics.scene.receivers.formula_syntax import MAX_LENGTH
 from optics.scene.receivers.regions import uniform_region
 from optics.scene.system import OpticalSystem, target_irradiance
 from tests.cases import examples

@@ -275,6 +275,28 @@ def light_or_message(path):
         return np.zeros((1, 1)), str(error)
 
 
+@pytest.mark.parametrize("suffix", ["gif", "png", "webp", "tif"])
+def test_a_file_of_several_frames_or_pages_is_refused_with_their_number(tmp_path, suffix):
+    """Nobody said which one is meant."""
+    frames = [Image.fromarray(np.roll(picture(), 5 * k, axis=1)) for k in range(3)]
+    path = tmp_path / f"many.{suffix}"
+    frames[0].save(path, save_all=True, append_images=frames[1:])
+    with pytest.raises(
+        UserError, match=rf"many\.{suffix} holds 3 pictures, frames or pages, and one is wanted"
+    ):
+        read_picture(path)
+    frames[0].save(path)
+    assert read_picture(path).shape == picture().shape
+
+
+def test_a_photograph_with_others_made_of_it_is_its_first_one(tmp_path):
+    """Telephones write such JPEG files (MPO)."""
+    frames = [Image.fromarray(picture()).convert("RGB"), Image.fromarray(255 - picture()).convert("RGB")]
+    frames[0].save(tmp_path / "one.jpg", quality=100)
+    frames[0].save(tmp_path / "two.jpg", format="MPO", save_all=True, append_images=frames[1:], quality=100)
+    np.testing.assert_array_equal(read_picture(tmp_path / "two.jpg"), read_picture(tmp_path / "one.jpg"))
+
+
 FORMATS = {"png": {}, "tif": {"compression": "tiff_lzw"}, "jpg": {}, "gif": {}, "bmp": {}, "webp": {}}
 
 
@@ -455,12 +477,6 @@ def test_a_picture_whose_middle_is_black_is_refused_when_cropped():
     light[:, 0] = 1.0
     with pytest.raises(UserError, match=r"choose another target\.fit"):
         target_irradiance(light, Screen((5.0, 5.0), (10, 10)), "crop", 1.0)
-
-
-def test_multi_page_tiff_gives_its_first_page(tmp_path):
-    pages = [Image.new("L", (4, 4), v) for v in (255, 128)]
-    pages[0].save(tmp_path / "p.tif", save_all=True, append_images=pages[1:])
-    np.testing.assert_array_equal(read_picture(tmp_path / "p.tif"), 1.0)
 
 
 @pytest.mark.parametrize("deep", [False, True])

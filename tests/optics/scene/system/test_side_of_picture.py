@@ -89,7 +89,7 @@ def test_regions_and_formulas_have_no_side(tmp_path, capsys):
     assert main(["check", path]) == 0
     assert "reads right" not in capsys.readouterr().out
     for changes in ({"target.kind": "tophat"}, {"target.kind": "function", "target.formula": "1 + x"}):
-        with pytest.raises(UserError, match=r'target\.seen_from = "lens" turns a picture over; regions'):
+        with pytest.raises(UserError, match=r"target\.seen_from has no effect with target\.kind"):
             load_problem(write_problem(tmp_path, changes | {"target.seen_from": "lens"}))
 
 

@@ -147,8 +147,10 @@ def test_the_resolved_file_says_what_was_said(tmp_path, key):
 @pytest.mark.parametrize("kind", ["collimated", "lambertian", "point"])
 def test_a_place_that_would_be_passed_over_is_refused(tmp_path, kind, key):
     place = [1.0] * (2 if key == "shift" else 3)
+    other = {"shift": "position", "turn": "tilt"}[key]
     width = [0.0, 0.0] if kind == "point" else [1.0, 1.0]
-    with pytest.raises(UserError, match=rf"source\.{key} is that of a file's light; a {kind} source has"):
+    sentence = rf'source\.{key} has no effect with source\.kind = "{kind}"; .* set source\.{other},'
+    with pytest.raises(UserError, match=sentence):
         load_values(
             tmp_path, SMALL | {"source.kind": kind, "source.half_width": width, f"source.{key}": place}
         )

@@ -1,6 +1,7 @@
 """What is found of a tool: verdicts, defaults, sentences and data."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ import pytest
 from optics import UserError
 from optics.light.blur import spot_width
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
+from optics.tolerancing.machining.blur_of_cusps import CuspLight
+from optics.tolerancing.machining.findings import _finer_pitch
 from tests.optics.cases import example_system, small_lens, small_system
 from tests.optics.tolerancing.machining.cases import bowl_lens
 from thbcad.sags import Conic
@@ -197,6 +200,45 @@ def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
         "the rear must be polished" if times > 1 else "the rear needs no polishing"
     )
     assert polish["why"].endswith(why)
+
+
+def test_cusps_that_raise_the_error_by_more_than_a_hundredth_must_be_polished(found):
+    """Also where they blur the light by less than a pixel: the text does not contradict its numbers."""
+    findings = found(ToolOrder(ball=5.0, step=0.01))
+    (surface,) = findings.surfaces
+    assert surface.pitch < surface.largest_pitch
+
+    def polish(with_cusps, finer):
+        light = CuspLight(surface.light.picture, 0.0002, with_cusps)
+        told = replace(findings, surfaces=(replace(surface, light=light, finer=finer),))
+        data = tool_data(told)["surfaces"]["rear"]["cusps"]["polish"]
+        assert data["why"] in tool_lines(told)
+        return data
+
+    coarse, fine = polish(0.0412, (0.0022, 0.0091)), polish(0.0100, None)
+    assert coarse["needed"]
+    assert coarse["why"].startswith(
+        "the rear must be polished, or cut with a smaller step: its cusps raise rel_l2 from 0.0002 to "
+        "0.0412, by more than 0.01"
+    )
+    assert coarse["why"].endswith("those of --step 0.0022 raise it by 0.0091")
+    assert not fine["needed"]
+    assert "needs no polishing" in fine["why"]
+
+
+def test_a_finer_step_is_looked_for_until_the_error_rises_by_a_hundredth_at_most():
+    def cut_light(pitch):
+        return CuspLight(np.ones((1, 1)), 0.002, 0.002 + 0.04 * pitch**power)
+
+    for power, pitch in ((1.0, 0.95 * 0.01 / 0.04), (2.0, 0.95 * 0.01 / 0.04)):
+        found, rise = _finer_pitch(cut_light, 1.0, cut_light(1.0))
+        assert found == pytest.approx(pitch, rel=1e-2)
+        assert rise == pytest.approx(0.04 * found**power, abs=1e-15)
+    assert _finer_pitch(cut_light, 0.1, cut_light(0.1)) is None
+    power = 0.5
+    found, rise = _finer_pitch(cut_light, 1.0, cut_light(1.0))
+    assert rise <= 0.01
+    assert found < 1 / 16
 
 
 def test_sharp_light_keeps_the_pixel_as_yardstick(found):

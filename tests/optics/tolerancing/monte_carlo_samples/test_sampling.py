@@ -122,7 +122,7 @@ def test_the_interval_of_a_yield_holds_it_as_often_as_it_says():
     rng = np.random.default_rng(4)
     held = 0
     for _ in range(400):
-        found = batch(rng.normal(1.0, 0.3, (8, 64))).passing(1.0)
+        found = batch(rng.normal(1.0, 0.3, (8, 64))).keeping({"rel_l2": 1.0})
         held += found.low <= 0.5 <= found.high
     assert held / 400 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 400))
 
@@ -156,7 +156,7 @@ def test_a_lens_of_which_rays_do_not_tell_is_undecided():
 
 @pytest.mark.parametrize(("limit", "value"), [(0.5, 0.0), (2.0, 1.0)])
 def test_sets_that_agree_leave_room_for_what_was_not_drawn(limit, value):
-    found = batch(np.ones((8, 64))).passing(limit)
+    found = batch(np.ones((8, 64))).keeping({"rel_l2": limit})
     assert found.value == value
     assert found.low <= value <= found.high
     # of 512 lenses without one: 3.84 / (512 + 3.84) by Wilson
@@ -171,14 +171,30 @@ def test_quantiles_are_lenses():
     assert made.mean_square().value == pytest.approx(np.mean(np.arange(512.0) ** 2))
 
 
+def test_the_yield_counts_the_lenses_that_keep_each_limit_that_is_given():
+    """Light of 16 lenses; one whose uniformity rays do not tell keeps no limit of it."""
+    even = np.tile([0.95, 0.85, 0.75, np.nan], (8, 2))
+    light = replace(batch(np.tile([0.1, 0.1, 0.3, 0.1, 0.2, 0.1, 0.1, 0.1], (8, 1))), min_over_mean=even)
+    limits = {"rel_l2": 0.15, "min_over_mean": 0.8, "efficiency": 0.85}
+    data = light.data(limits)
+    assert data["limits"] == limits
+    assert {name: kept["value"] for name, kept in data["yield_by_limit"].items()} == {
+        "rel_l2": 6 / 8,
+        "min_over_mean": 4 / 8,
+        "efficiency": 1.0,
+    }
+    assert data["yield_by_limits"]["value"] == 3 / 8
+    assert light.keeping({"min_over_mean": 0.9}).value == 2 / 8
+
+
 def test_lenses_that_cannot_be_traced_fail():
     values = np.full((8, 4), 0.1)
     values[2, 1] = np.inf
-    data = batch(values).data(0.2)
+    data = batch(values).data({"rel_l2": 0.2})
     assert data["not_traced"] == 1
-    assert data["within_limit"]["value"] == pytest.approx(31 / 32)
+    assert data["yield_by_limits"]["value"] == pytest.approx(31 / 32)
     assert data["yield"]["value"] == pytest.approx(31 / 32)
-    assert batch(values, good=0.05).data(0.2)["yield"]["value"] == 0
+    assert batch(values, good=0.05).data({"rel_l2": 0.2})["yield"]["value"] == 0
     assert data["rel_l2"]["95%"]["value"] == pytest.approx(0.1)
 
 

@@ -113,9 +113,11 @@ def test_the_efficiency_may_be_the_limit(tmp_path, backend) -> None:
     assert 0.9 <= effect.allowed.light.efficiency < 0.9 + 0.03 * (found.light.efficiency - 0.9)
 
 
-def test_uniform_light_is_judged_by_its_uniformity_unless_something_else_is_asked(even, backend) -> None:
+def test_uniform_light_is_judged_by_uniformity_and_efficiency_unless_limits_are_given(even, backend) -> None:
     system, lens = even
-    assert budget_of(system, lens, backend, index=1e-3).bounds == {"min_over_mean": 0.7}
+    usual = budget_of(system, lens, backend, index=1e-3)
+    wanted = {"min_over_mean": 0.7, "efficiency": pytest.approx(0.99 * usual.light.efficiency)}
+    assert usual.bounds == wanted
     rise = budget_of(system, lens, backend, 0.02, index=1e-3)
     assert rise.bounds == {"rel_l2": pytest.approx(rise.rel_l2 + 0.02)}
 
@@ -123,7 +125,7 @@ def test_uniform_light_is_judged_by_its_uniformity_unless_something_else_is_aske
 def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) -> None:
     system, lens = rough_system(tmp_path)
     found = budget_of(system, lens, backend, index=1e-3)
-    assert [*found.bounds] == ["rel_l2"]
+    assert [*found.bounds] == ["rel_l2", "efficiency"]
     with pytest.raises(UserError, match=r"min_over_mean is not known of this light: .* is not uniform"):
         budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
 
@@ -219,12 +221,35 @@ def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even
         k = lines.index(f"{holder} must hold, the costliest first:") + 1
         said = [line.split()[2] for line in takewhile(lambda line: line[:1].isdigit(), lines[k:])]
         assert said == chosen[: len(said)]
-        assert len(said) == min(5, len([n for n in chosen if n in limited(found)]))
+        costly = [e.tolerance.name for e in found.effects if e.cost > 0.25]
+        assert len(said) == min(5, len([n for n in chosen if n in costly]))
+    easy = [e for e in found.by_cost() if 0 < e.cost <= 0.25 and e.tolerance.name not in made]
+    (line,) = (line for line in lines if "usual amounts of the other" in line)
+    assert f"of the other {len(easy)} will do" in line
+    assert f"each alone is at most {easy[0].cost:.0%}" in line
+    assert f"The nearest is {easy[0].tolerance.name}: " in line
     assert [row[0] for row in effect_rows(found)] == ranked
     assert {*ranked} == {*amounts}
     costs = [e.cost for e in found.by_cost()]
     assert costs == sorted(costs, reverse=True)
     assert [*found.data()["tolerances"]] == ranked
+
+
+def test_where_every_usual_amount_will_do_nothing_must_be_held(even, backend) -> None:
+    system, lens = even
+    found = budget_of(system, lens, backend, {"min_over_mean": 0.1}, **{"front.tilt_x": 1e-3})
+    lines = shop_sentences(found)
+    assert not any("must hold" in line for line in lines)
+    assert any(line.startswith(("The shop: the usual amounts will do", "No care needed")) for line in lines)
+
+
+def test_light_that_a_shifted_lens_loses_is_limited_where_nothing_is_said(even, backend) -> None:
+    """The beam is 9.5 mm wide to each side, the lens 10 mm: 0.5 mm cost nothing, each mm more 1/19 of it."""
+    system, lens = even
+    found = budget_of(system, lens, backend, **{"lens.decentre_x": 0.2})
+    (effect,) = found.effects
+    assert effect.allowed is not None
+    assert effect.allowed.amount < 0.5 + 19 * 0.011
 
 
 def test_a_limit_that_the_design_misses_is_said_and_allows_nothing(even, backend) -> None:

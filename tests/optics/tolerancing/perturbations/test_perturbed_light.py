@@ -367,9 +367,9 @@ def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
         "rear": {"half_width": (12, 12), "freeform": {"spans": (4, 4)}},
     }
     spans = []
-    for place in ({}, {"position": (0, 0, -30)}, {"position": (5, 0, -30)}):
+    for place in ({"distance": 30}, {"position": (0, 0, -30)}, {"position": (5, 0, -30)}):
         problem = Problem(
-            source={"kind": "collimated", "half_width": (4, 4), "distance": 30, **place},
+            source={"kind": "collimated", "half_width": (4, 4), **place},
             lens={"index": 1.5, "thickness": 6, **sides},
             target={"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)},
         )

@@ -1,0 +1,48 @@
+"""Refuse keys that have no effect in a problem, because another key rules them out."""
+
+from __future__ import annotations
+
+from dataclasses import Field, fields, is_dataclass
+from typing import Any
+
+from optics.base.runtime import UserError
+from optics.scene.keys.dotted_keys import Record
+from optics.scene.keys.toml_text import toml_value
+
+
+def require_effects(record: Record, prefix: str = "", root: Record | None = None) -> None:
+    """Refuse a key that differs from its default where it has no effect, in a record and all its tables.
+
+    `option(only={...})` of a field names the keys that decide, and their values with which the field has an
+    effect: keys of the same table, or with a dot those of the whole file.
+
+    prefix : of the names in messages, "" or "table."  root : the record of the whole file; None is this one.
+
+    Raises UserError : names the key, the key that rules it out, and what to do.
+    """
+    root = root or record
+    for f in fields(record):
+        value, key = getattr(record, f.name), prefix + f.name
+        if is_dataclass(value):
+            require_effects(value, f"{key}.", root)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            for k, table in enumerate(value):
+                name = getattr(table, "name", "")
+                require_effects(table, f"{key}.{name}." if name else f"{key}[{k}].", root)
+        if value != f.default:
+            _require_effect(key, f, record, prefix, root)
+
+
+def _require_effect(key: str, field: Field[Any], record: Record, prefix: str, root: Record) -> None:
+    for other, wanted in field.metadata.get("only", {}).items():
+        found: Any = root if "." in other else record
+        for part in other.split("."):
+            found = getattr(found, part)
+        if found not in wanted:
+            name = other if "." in other else prefix + other
+            values = " or ".join(toml_value(value) for value in wanted)
+            instead = f"set {prefix}{field.metadata['instead']}, " if field.metadata["instead"] else ""
+            raise UserError(
+                f"{key} has no effect with {name} = {toml_value(found)}; leave it out, which is "
+                f"{toml_value(field.default)}, {instead}or set {name} = {values}"
+            )
