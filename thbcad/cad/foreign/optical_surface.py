@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thbcad.cad.foreign.face_groups import reach, rim_edges, rim_points, shadow_area
+from thbcad.cad.foreign.face_outlines import FaceOutline, face_outline
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
 from thbcad.poses import Pose
@@ -24,8 +26,6 @@ SNAP = 1e-12  # directions nearer to an axis of the file are it
 SAME = 1e-9  # between unit vectors
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
 CHAMFERED = 1e-3  # of the half-width: so far off the axis is the rim that a chamfer leaves
-ROUND = 1e-6  # relative: how well an outline must be a rectangle
-ROUND_RIM = 1e-4  # the same of an ellipse: a chamfer ends in splines that are 1e-5 off the circle of a sphere
 
 
 def in_frame(frame: Pose, points: Floats) -> Floats:
@@ -93,7 +93,7 @@ def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats
     candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
     toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]
     level = np.array([(own := _unit(toward - (toward @ axis) * axis)), np.cross(axis, own)])
-    candidates = candidates or [*(_ellipse_axes(main.rim @ level.T) @ level), level[0]][:2]
+    candidates = candidates or [*(_ellipse_axes(rim_points(main.edges) @ level.T) @ level), level[0]][:2]
     best = max(candidates, key=lambda d: abs(round(float(d @ toward), 9)))
     best = best - (best @ axis) * axis
     return _snapped(best * (1 if best @ toward >= 0 else -1))
@@ -135,7 +135,7 @@ class OpticalFace:
     kind : "plane", "sphere", "cylinder", "spline", "rational spline", "surface of revolution", ...
     radius : float, mm, of a sphere or a cylinder, else None
     faces : SurveyedFace, one or, where the surface was split, several
-    outline : "rectangle", "ellipse" or "other", seen along the axis
+    rim : FaceOutline, seen along the axis
     half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm;
         of the sphere, where the rim is centred on it but for what a chamfer leaves
     degrees, control_points : (2,) int of a spline in one piece, else None
@@ -148,7 +148,7 @@ class OpticalFace:
     kind: str
     radius: float | None
     faces: tuple[SurveyedFace, ...]
-    outline: str
+    rim: FaceOutline
     half_width: Floats
     centre: Floats
     degrees: tuple[int, int] | None
@@ -157,10 +157,18 @@ class OpticalFace:
     periodic: tuple[bool, bool]
     graph_deviation: float | None
 
+    @property
+    def outline(self) -> str:
+        """ "rectangle", "rounded" (a rectangle with round corners), "ellipse" or "other"."""
+        return self.rim.word
+
+    def described(self) -> str:
+        """Return its kind, with its radius."""
+        return self.kind if self.radius is None else f"{self.kind} of radius {self.radius:.9g} mm"
+
     def __repr__(self) -> str:
         a, b = 2 * self.half_width
-        size = "" if self.radius is None else f" of radius {self.radius:.9g} mm"
-        parts = [f"{self.kind}{size} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
+        parts = [f"{self.described()} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
         if self.degrees and self.control_points:
             p, q = self.degrees
             parts.append(f"degree {p} x {q}, {self.control_points[0]} x {self.control_points[1]} poles")
@@ -171,16 +179,17 @@ class OpticalFace:
 
 def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     """Return what is known of an optical surface in a frame."""
-    outline = in_frame(frame, np.concatenate([face.rim for face in group]))[:, :2]
+    edges = rim_edges(group)
     axes = frame.rotation.T[:2]
-    reach = np.array([[max(f.reach(way * d) for f in group) for d in axes] for way in (-1, 1)])
-    low, high = reach * [[-1], [1]] - axes @ frame.shift
+    ends = np.array([[reach(edges, way * d) for d in axes] for way in (-1, 1)])
+    low, high = ends * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
-    word = _outline_kind((outline - centre) / half)
-    if word != "rectangle" and (middle := group[0].centre) is not None:
+    points = in_frame(frame, rim_points(edges))[:, :2] - centre
+    rim = face_outline(points, half, shadow_area(edges, frame))
+    if rim.word != "rectangle" and (middle := group[0].centre) is not None:
         apart = in_frame(frame, middle)[:2] - centre
         centre = centre + apart * (np.abs(apart).max() < CHAMFERED * half.max())
-    spline = group[0].spline if len(group) == 1 else None
+    spline = group[0].spline if is_one_surface(group) else None
     deviation = None
     if isinstance(spline, BSplineSurface):  # between those of the poles
         _, rest = graph_residual(spline)
@@ -192,7 +201,7 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
         kind=kind,
         radius=group[0].radius,
         faces=tuple(group),
-        outline=word,
+        rim=rim,
         half_width=half,
         centre=centre,
         degrees=None if spline is None else (spline.kv_u.degree, spline.kv_v.degree),
@@ -203,11 +212,19 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     )
 
 
-def _outline_kind(relative: Floats) -> str:
-    """Return what an outline is whose box is [-1, 1] x [-1, 1]."""
-    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    gaps = np.linalg.norm(relative[:, None] - corners, axis=2).min(axis=0)
-    if gaps.max() < ROUND:
-        return "rectangle"
-    outer = np.hypot(*relative.T)
-    return "ellipse" if np.abs(outer - 1).max() < ROUND_RIM else "other"
+def is_one_surface(group: Sequence[SurveyedFace]) -> bool:
+    """Return whether faces are parts of one spline with the same numbers; one face is."""
+    first = group[0].spline
+    if len(group) == 1:
+        return True
+    return first is not None and all(
+        face.spline is not None and _equal(first, face.spline) for face in group[1:]
+    )
+
+
+def _equal(spline: BSplineSurface | NURBSSurface, other: BSplineSurface | NURBSSurface) -> bool:
+    """Return whether two splines have the same numbers."""
+    names = ("coefficients", "weights") if isinstance(spline, NURBSSurface) else ("coefficients",)
+    pairs = [(kv.knots, own.knots) for kv, own in zip(spline.knot_vectors, other.knot_vectors)]
+    pairs += [(getattr(spline, name), getattr(other, name, None)) for name in names]
+    return type(spline) is type(other) and all(np.array_equal(a, b) for a, b in pairs)
