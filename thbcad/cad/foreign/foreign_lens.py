@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopAbs import TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
@@ -102,6 +102,8 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     solids = explore(shape, TopAbs_SOLID)
     if len(solids) != 1:
         raise ValueError(f"{path} holds {len(solids)} solids where a lens is one")
+    if len(explore(solids[0], TopAbs_SHELL)) > 1:
+        raise ValueError(f"{path} holds a solid with a cavity; a Lens is glass throughout")
     solid = unified(solids[0])
     faces = surveyed(solid)
     curved = [face for face in faces if not face.is_ruled] or _arched(solid, faces)
@@ -111,15 +113,16 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
             "found"
         )
     main = max(curved, key=lambda face: face.area)
-    frame = Pose(lens_axes(main, faces), np.zeros(3))
+    normal = main.samples[1].mean(axis=0)
+    frame = Pose(lens_axes(_group(solid, faces, main, normal), faces), np.zeros(3))
+    axis = frame.rotation[:, 2]
     pair = main, _opposite(solid, faces, main, frame)
     if pair[0] is pair[1]:
         raise ValueError(f"{path} holds one curved face and none opposite: a lens has a front and a rear")
-    groups = [_group(solid, faces, one, frame) for one in pair]
+    groups = [_group(solid, faces, one, axis) for one in pair]
     for group in groups:
-        _require_single(faces, group, frame)
-    side = float(main.samples[1].mean(axis=0) @ frame.rotation[:, 2])
-    front, rear = (optical_face(group, frame) for group in (groups if side < 0 else groups[::-1]))
+        _require_single(faces, group, axis)
+    front, rear = (optical_face(one, frame) for one in (groups if normal @ axis < 0 else groups[::-1]))
     heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]
     if not np.isfinite(heights).all():
         raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
@@ -159,34 +162,33 @@ def _opposite(
 
 
 def _group(
-    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: Pose
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, axis: Floats
 ) -> list[SurveyedFace]:
     """Return the faces of the optical surface that a face belongs to."""
-    facing = [f for f in faces if _faces_one_way(f, main, frame)]
+    facing = [f for f in faces if _faces_one_way(f, main, axis)]
     if main.kind == "plane":
         facing = [f for f in facing if f.kind == "plane"]
     return continued(solid, facing, main)
 
 
-def _faces_one_way(face: SurveyedFace, main: SurveyedFace, frame: Pose) -> bool:
-    """Return whether all of a face looks along the axis to the side to which `main` does."""
-    axis = frame.rotation[:, 2]
+def _faces_one_way(face: SurveyedFace, main: SurveyedFace, axis: Floats) -> bool:
+    """Return whether all of a face looks along an axis to the side to which `main` does."""
     sign = np.sign(main.samples[1].mean(axis=0) @ axis)
     return bool((sign * (face.samples[1] @ axis) > LEAST_FACING).all())
 
 
-def _require_single(faces: Sequence[SurveyedFace], group: Sequence[SurveyedFace], frame: Pose) -> None:
+def _require_single(faces: Sequence[SurveyedFace], group: Sequence[SurveyedFace], axis: Floats) -> None:
     """Raise ValueError where one side of a lens has several curved surfaces, such as a dimple in another, or
     one that is nearly upright somewhere."""
     known, main = {face.number for face in group}, group[0]
     for other in faces:
         curved = not (other.is_ruled or other.is_flat or other.kind == "torus")
-        if other.number not in known and curved and _faces_one_way(other, main, frame):
+        if other.number not in known and curved and _faces_one_way(other, main, axis):
             raise ValueError(
                 f"one side of the lens has two curved surfaces, {_words(main)} and {_words(other)}, that are "
                 "not continued by each other; a Lens has one on each side"
             )
-    if not _faces_one_way(main, main, frame):
+    if not _faces_one_way(main, main, axis):
         raise ValueError(
             f"an optical face, {_words(main)}, is steeper than {STEEPEST:.0f} degrees, as a half ball is "
             "at its equator; a Lens holds surfaces z(x, y) of lesser slope"

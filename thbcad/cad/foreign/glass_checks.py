@@ -35,8 +35,8 @@ def require_same_faces(frame: Pose, faces: Sequence[OpticalFace], lens: Lens, vo
         apart = abs(own - made)
         if apart > VOLUME * volume + area * float(np.abs(rim).max()):
             raise ValueError(
-                f"the {name} is not the {face.described()} of the file: over the plane through its vertex the "
-                f"file has {own:.9g} mm^3, the Lens {made:.9g} mm^3; the face may have an opening"
+                f"the {name} is not the {face.described()} of the file, which may have an opening: over the "
+                f"plane through its vertex the file has {own:.9g} mm^3, the Lens {made:.9g} mm^3"
             )
 
 

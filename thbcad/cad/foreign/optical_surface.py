@@ -23,8 +23,9 @@ NEAR = 0.9  # cosine between an axis and the mean normal of the surface: 25 degr
 ELLIPSE = 1e-6  # of the size of a rim, by which it may be off an ellipse
 ELLIPTIC = 1e-4  # relative difference of the squares of axes, from which an ellipse has directions
 SNAP = 1e-12  # directions nearer to an axis of the file are it
-SAME = 1e-9  # between unit vectors
+SAME = 1e-9  # between unit vectors; relative: of places and radii
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
+PLANE_RIM = 1e-7  # of the size of a rim: how well it must lie in a plane
 CHAMFERED = 1e-3  # of the half-width: so far off the axis is the rim that a chamfer leaves
 
 
@@ -33,22 +34,25 @@ def in_frame(frame: Pose, points: Floats) -> Floats:
     return frame.inverse().points(points.T).T
 
 
-def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
+def lens_axes(group: Sequence[SurveyedFace], faces: Sequence[SurveyedFace]) -> Floats:
     """Return the unit vectors x, y, z of a lens as columns, (3, 3): a rotation.
 
-    z is the axis of the graph, of revolution, of a cylinder, or along planes, whichever of these comes first
-    and is within 25 degrees of the mean normal of the face `main`, which stands in where there is none.  It
-    points to where that axis of the file grows that it is nearest to; x is as near as it can to the file's.
+    z is the axis of the graph, of revolution, of a cylinder, along planes, or across a plane rim, whichever
+    of these comes first and is within 25 degrees of the mean normal of an optical surface, the faces `group`.
+    That stands in where there is none.  z points to where that axis of the file grows that it is nearest to;
+    x is as near as it can to the file's.
     """
-    mean = _unit(main.samples[1].mean(axis=0))
+    main, rim = group[0], rim_points(rim_edges(group))
+    mean = _unit(np.sum([face.area * face.samples[1].mean(axis=0) for face in group], axis=0))
     round_ = sorted((f for f in faces if not f.is_flat), key=lambda f: -f.area)
     exact = [*(d for f in round_ if (d := f.direction) is not None), *_of_planes(faces)]
-    axis = next((d for d in (*_graph_directions(main)[:1], *exact) if abs(d @ mean) > NEAR), mean)
+    found = [*_graph_directions(main)[:1], *exact, *_across_plane(rim)]
+    axis = next((d for d in found if abs(d @ mean) > NEAR), mean)
     axis = next((d for d in exact if abs(d @ axis) > ALIKE), axis)
     size = np.round(np.abs(axis[::-1]), 9)
     dominant = 2 - int(np.argmax(size))
     axis = _snapped(axis * np.sign(axis[dominant]))
-    x = _x_direction(main, faces, axis)
+    x = _x_direction(main, faces, rim, axis)
     return np.column_stack([x, _snapped(np.cross(axis, x)), axis])
 
 
@@ -83,7 +87,15 @@ def _of_planes(faces: Sequence[SurveyedFace]) -> list[Floats]:
     return [_unit(d) for d in crossed if np.linalg.norm(d) > 0.1] + normals
 
 
-def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats) -> Floats:
+def _across_plane(points: Floats) -> list[Floats]:
+    """Return the normal of the plane that holds points (n, 3), [] where none does."""
+    if len(points) < 3:
+        return []
+    _, sizes, rows = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return [rows[2]] if sizes[2] < PLANE_RIM * sizes[1] else []
+
+
+def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], rim: Floats, axis: Floats) -> Floats:
     """Return the direction of a side, or of a parameter line, that is nearest to the file's x axis."""
     graph = [_unit(d - (d @ axis) * axis) for d in _graph_directions(main)[1:]]
     walls = [d for d in _of_planes(faces) if abs(d @ axis) < SAME]
@@ -93,7 +105,7 @@ def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats
     candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
     toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]
     level = np.array([(own := _unit(toward - (toward @ axis) * axis)), np.cross(axis, own)])
-    candidates = candidates or [*(_ellipse_axes(rim_points(main.edges) @ level.T) @ level), level[0]][:2]
+    candidates = candidates or [*(_ellipse_axes(rim @ level.T) @ level), level[0]][:2]
     best = max(candidates, key=lambda d: abs(round(float(d @ toward), 9)))
     best = best - (best @ axis) * axis
     return _snapped(best * (1 if best @ toward >= 0 else -1))
@@ -157,6 +169,17 @@ class OpticalFace:
     periodic: tuple[bool, bool]
     graph_deviation: float | None
 
+    def is_revolved_around(self, frame: Pose) -> bool:
+        """Whether all of it is on surfaces of revolution around the axis of a frame."""
+        axis = frame.rotation[:, 2]
+        for face in self.faces:
+            direction, point = face.direction, face.axis_point
+            if direction is None or point is None or np.linalg.norm(np.cross(direction, axis)) > SAME:
+                return False
+            if np.abs(in_frame(frame, point)[:2]).max() > SAME * float(self.half_width.max()):
+                return False
+        return True
+
     @property
     def outline(self) -> str:
         """ "rectangle", "rounded" (a rectangle with round corners), "ellipse" or "other"."""
@@ -213,12 +236,14 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
 
 
 def is_one_surface(group: Sequence[SurveyedFace]) -> bool:
-    """Return whether faces are parts of one spline with the same numbers; one face is."""
-    first = group[0].spline
-    if len(group) == 1:
-        return True
-    return first is not None and all(
-        face.spline is not None and _equal(first, face.spline) for face in group[1:]
+    """Return whether faces are parts of one sphere, or of one spline with the same numbers; one face is."""
+    first, others = group[0], group[1:]
+    if first.kind == "sphere":
+        numbers = [np.append(face.centre, face.radius) for face in group if face.kind == "sphere"]
+        return len(numbers) == len(group) and bool(np.ptp(numbers, axis=0).max() <= SAME * numbers[0][3])
+    spline = first.spline
+    return not others or (
+        spline is not None and all(f.spline is not None and _equal(spline, f.spline) for f in others)
     )
 
 

@@ -16,7 +16,7 @@ from thbcad.cad.exchange import solid_volume
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.face_groups import INTEGRAL
 from thbcad.cad.foreign.glass_checks import VOLUME, require_nothing_within, require_same_faces
-from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame
+from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame, is_one_surface
 from thbcad.cad.foreign.spline_graphs import spline_graph
 from thbcad.cad.foreign.surface_fits import MEASURED, GlassHeights, conic_of, fitted_surface
 from thbcad.cad.foreign.surveyed_faces import surveyed
@@ -134,9 +134,10 @@ def _surface(glass: GlassHeights, tolerance: float, name: str) -> _Surface:
         face, reach = glass.face, float(np.hypot(*glass.outline.half_width))
         ends = face.kind == "sphere" and face.radius is not None and reach >= face.radius
         why = " that ends within the rectangle round its rim, over which a Lens goes on" * ends
+        remedy = "allow a greater tolerance" + ", or cut the lens to a smaller size" * ends
         raise ValueError(
             f"the {name} is a {face.described()}{why}: the finest fit that is tried meets it within "
-            f"{best.deviation:.2g} mm; allow a greater tolerance{', or cut the lens to a smaller size' * ends}"
+            f"{best.deviation:.2g} mm; {remedy}"
         )
     own, outline = best.surface, glass.outline
     corners = tuple(share * h for share, h in zip(outline.relative_corners, own.half_width))
@@ -146,8 +147,8 @@ def _surface(glass: GlassHeights, tolerance: float, name: str) -> _Surface:
 def _plane(glass: GlassHeights) -> _Surface:
     """Return a plane through the vertex, with the proven deviation that its tilt makes at the corners."""
     frame, half = glass.frame, glass.outline.half_width
-    tilt = frame.rotation.T @ glass.face.faces[0].samples[1][0]
-    slope = float(np.hypot(*tilt[:2]) / abs(tilt[2]))
+    tilts = [frame.rotation.T @ face.samples[1][0] for face in glass.face.faces]
+    slope = max(float(np.hypot(*tilt[:2]) / abs(tilt[2])) for tilt in tilts)
     rounding = 64 * EPS * float(np.abs(frame.shift).max() + max(half))
     return _Surface(FreeformSurface(half), slope * float(np.hypot(*half)) + rounding, "plane", True)
 
@@ -163,7 +164,7 @@ def _sphere(glass: GlassHeights) -> _Surface | None:
     radius = float(np.copysign(size, centre[2]))
     off, along = float(np.hypot(*centre[:2])), abs(float(centre[2]) - radius)
     reach = float(np.hypot(*half)) + off
-    if len(face.faces) > 1 or reach >= abs(radius):
+    if not is_one_surface(face.faces) or reach >= abs(radius):
         return None
     rounding = 64 * EPS * float(np.abs(frame.shift).max() + abs(radius))
     slope = reach / (radius**2 - reach**2) ** 0.5

@@ -6,18 +6,20 @@ along the ray from the middle: at the gauge 1 + t it takes the value of the poly
 the gauges 1 - lambda_k t.  As many derivatives as these points go on across the rim, so that the spline
 converges as it would without a rim.
 
-A surface of revolution needs its meridian alone: a spline through points of one ray, mirrored at the axis.
+A surface of revolution around the axis needs its meridian alone, which `meridian_heights` evaluates: OCCT's
+lines miss such faces near their rims.
 
 Source: M. R. Hestenes, Extension of the range of a differentiable function, Duke Math. J. 8 (1941).
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from thbcad.cad.foreign.face_groups import axial_heights
+from thbcad.cad.foreign.face_groups import axial_heights, meridian_heights
 from thbcad.cad.foreign.optical_surface import OpticalFace, in_frame
 from thbcad.cad.foreign.upright_graphs import upright
 from thbcad.checks import Floats
@@ -52,19 +54,37 @@ class GlassHeights:
     outline: Outline
 
     def __call__(self, x: Floats, y: Floats) -> Floats:
+        if self.is_revolved:
+            return meridian_heights(self.face.faces, self.frame, np.hypot(x, y)) - self.vertex
         return axial_heights(self.face.faces, self.frame, x, y) - self.vertex
+
+    @cached_property
+    def is_revolved(self) -> bool:
+        """Whether it is a surface of revolution around the axis, by its kind, within a circle."""
+        return self.outline.is_circle and self.face.is_revolved_around(self.frame)
 
     def polar_samples(self) -> tuple[Floats, Floats, Floats]:
         """Return x, y and z on circles, or ellipses, within the outline, (RAYS, RADII) each."""
         angle = np.arange(RAYS)[:, None] * (2 * np.pi / RAYS)
         radius = np.arange(1, RADII + 1) / RADII * min(self.outline.half_width) * 0.98
         x, y = radius * np.cos(angle), radius * np.sin(angle)
+        if self.is_revolved:
+            return x, y, np.tile(self(radius, 0 * radius), (RAYS, 1))
         return x, y, self(x.ravel(), y.ravel()).reshape(x.shape)
 
     def greatest_distance(self, surface: FreeformSurface, count: int) -> float:
         """Return the greatest distance in z from a surface at count x count points; those without glass or
-        beside the outline do not count."""
+        beside the outline do not count.
+
+        Of a surface of revolution, at twice as many points of one meridian, turned to `count` directions.
+        """
         steps = (np.arange(count) + 0.37) / count * 2 - 1  # not where a fit was sampled
+        if self.is_revolved:
+            radius = (np.arange(2 * count) + 0.37) / (2 * count) * self.outline.half_width[0]
+            turn = np.pi * steps[:, None]
+            z = self(radius, 0 * radius)
+            made = surface(radius * np.cos(turn), radius * np.sin(turn))
+            return float(np.nanmax(np.abs(z - made)))
         x, y = (a.ravel() for a in np.meshgrid(*(h * steps for h in surface.half_width)))
         inside = self.outline.contains(x, y)
         return float(np.nanmax(np.abs(self(x[inside], y[inside]) - surface(x[inside], y[inside]))))
@@ -94,7 +114,7 @@ def fitted_surface(glass: GlassHeights, tolerance: float) -> tuple[FreeformSurfa
     half = glass.outline.half_width
     revolved = glass.outline.is_circle and np.ptp(z, axis=0).max() <= REVOLVED * tolerance
     base = _base(conic_of(x, y, z), half) if revolved else Conic()
-    heights = _meridian(glass) if revolved else glass
+    heights = _by_meridian(glass) if revolved else glass
     for kv_x, kv_y in _meshes(glass):
         x, y = np.meshgrid(*(WITHIN * kv.greville() for kv in (kv_x, kv_y)), indexing="ij")
         rest = _continued(lambda a, b: heights(a, b) - base(a, b), glass.outline, x.ravel(), y.ravel())
@@ -127,8 +147,9 @@ def _base(conic: Conic | None, half_width: tuple[float, float]) -> Conic:
     return conic
 
 
-def _meridian(glass: GlassHeights) -> Heights:
-    """Return the heights of a surface of revolution by its meridian."""
+def _by_meridian(glass: GlassHeights) -> Heights:
+    """Return the heights of a surface that is one of revolution, by a spline through points of one ray and
+    their mirror images at the axis."""
     turn = np.linspace(-np.pi / 2, np.pi / 2, MERIDIAN)
     radius = WITHIN * glass.outline.half_width[0] * np.sin(turn)
     half = radius[MERIDIAN // 2 :]

@@ -166,6 +166,13 @@ class SurveyedFace:
         return np.array(adaptor.Direction().Coord()) if self.kind == "extrusion" else None
 
     @cached_property
+    def axis_point(self) -> Floats | None:
+        """(3,) mm, a point of the axis of a surface of revolution, else None."""
+        if self.kind != "surface of revolution":
+            return None
+        return np.array(BRepAdaptor_Surface(self.face).AxeOfRevolution().Location().Coord())
+
+    @cached_property
     def edges(self) -> list[FaceEdge]:
         """Its edges; seams lie within the face and are left out."""
         found = []
