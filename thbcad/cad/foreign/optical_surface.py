@@ -239,7 +239,11 @@ def is_one_surface(group: Sequence[SurveyedFace]) -> bool:
     """Return whether faces are parts of one sphere, or of one spline with the same numbers; one face is."""
     first, others = group[0], group[1:]
     if first.kind == "sphere":
-        numbers = [np.append(face.centre, face.radius) for face in group if face.kind == "sphere"]
+        numbers = [
+            [*face.centre.tolist(), face.radius]
+            for face in group
+            if face.centre is not None and face.radius is not None
+        ]
         return len(numbers) == len(group) and bool(np.ptp(numbers, axis=0).max() <= SAME * numbers[0][3])
     spline = first.spline
     return not others or (
@@ -249,7 +253,8 @@ def is_one_surface(group: Sequence[SurveyedFace]) -> bool:
 
 def _equal(spline: BSplineSurface | NURBSSurface, other: BSplineSurface | NURBSSurface) -> bool:
     """Return whether two splines have the same numbers."""
-    names = ("coefficients", "weights") if isinstance(spline, NURBSSurface) else ("coefficients",)
     pairs = [(kv.knots, own.knots) for kv, own in zip(spline.knot_vectors, other.knot_vectors)]
-    pairs += [(getattr(spline, name), getattr(other, name, None)) for name in names]
+    pairs.append((spline.coefficients, other.coefficients))
+    if isinstance(spline, NURBSSurface) and isinstance(other, NURBSSurface):
+        pairs.append((spline.weights, other.weights))
     return type(spline) is type(other) and all(np.array_equal(a, b) for a, b in pairs)

@@ -15,7 +15,7 @@ from OCP.TopoDS import TopoDS_Shape
 from thbcad.cad.exchange import solid_volume
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.face_groups import INTEGRAL
-from thbcad.cad.foreign.glass_checks import VOLUME, require_nothing_within, require_same_faces
+from thbcad.cad.foreign.glass_checks import VOLUME, require_same_glass, require_whole
 from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame, is_one_surface
 from thbcad.cad.foreign.spline_graphs import spline_graph
 from thbcad.cad.foreign.surface_fits import MEASURED, GlassHeights, conic_of, fitted_surface
@@ -80,6 +80,7 @@ def refitted(
 ) -> Refit:
     """Return the Refit of front and rear of a solid in their frame, as `ForeignLens.refit`."""
     require_number("tolerance", tolerance, above=0, finite=True)
+    require_whole(faces)
     surfaces = []
     for name, face, outline, vertex in zip(("front", "rear"), faces, _outlines(faces), (0.0, thickness)):
         slack = CENTRED if face.outline == "rectangle" else CHAMFERED * float(face.half_width.max())
@@ -93,8 +94,7 @@ def refitted(
     (front, rear), deviations, hows, proven = zip(*surfaces)
     lens = Lens(front, rear, thickness, index)
     volume, own = lens.volume(), solid_volume(solid, INTEGRAL)
-    require_nothing_within(frame, surveyed(solid), faces, lens)
-    require_same_faces(frame, faces, lens, own)
+    require_same_glass(frame, surveyed(solid), faces, lens, (volume, own))
     return Refit(lens, deviations, hows, proven, volume, own)
 
 
@@ -140,7 +140,8 @@ def _surface(glass: GlassHeights, tolerance: float, name: str) -> _Surface:
             f"{best.deviation:.2g} mm; {remedy}"
         )
     own, outline = best.surface, glass.outline
-    corners = tuple(share * h for share, h in zip(outline.relative_corners, own.half_width))
+    (share_x, share_y), (a, b) = outline.relative_corners, own.half_width
+    corners = share_x * a, share_y * b
     return best._replace(surface=FreeformSurface(own.half_width, own.conic, own.sag, corners))
 
 

@@ -76,15 +76,17 @@ def _joined(graphs: Sequence[Graph]) -> Graph | None:
     surfaces = [s.elevate(*degrees) for s in surfaces]
     breaks = [_common_breaks([s.knot_vectors[axis] for s in surfaces]) for axis in (0, 1)]
     pieces = [
-        BSplineSurface(*(_snapped(kv, b) for kv, b in zip(s.knot_vectors, breaks)), s.coefficients)
+        BSplineSurface(_snapped(s.kv_u, breaks[0]), _snapped(s.kv_v, breaks[1]), s.coefficients)
         for s in surfaces
     ]
     for between in range(1, min(degrees)):  # multiplicity of the knots where pieces meet
-        kvs = [_union([p.knot_vectors[axis] for p in pieces], breaks[axis], between) for axis in (0, 1)]
-        heights = _heights(pieces, *(kv.greville() for kv in kvs))
+        kv_u, kv_v = (
+            _union([p.knot_vectors[axis] for p in pieces], breaks[axis], between) for axis in (0, 1)
+        )
+        heights = _heights(pieces, kv_u.greville(), kv_v.greville())
         if not np.isfinite(heights).all():
             return None
-        joined = interpolate(*kvs, heights)
+        joined = interpolate(kv_u, kv_v, heights)
         apart = max(_distance(joined, piece) for piece in pieces)
         if apart <= MET:
             return Graph(joined, apart + max(graph.deviation for graph in graphs))
@@ -128,9 +130,9 @@ def _heights(pieces: Sequence[BSplineSurface], x: Floats, y: Floats) -> Floats:
 def _distance(joined: BSplineSurface, piece: BSplineSurface) -> float:
     """Return a bound of the distance of a spline from one over a part of its rectangle."""
     part = joined.segment(piece.kv_u.domain, piece.kv_v.domain)
-    finer = [_finer(a, b) for a, b in zip(part.knot_vectors, piece.knot_vectors)]
+    finer_u, finer_v = _finer(part.kv_u, piece.kv_u), _finer(part.kv_v, piece.kv_v)
     nets = [
-        tensor_apply(*(kv.prolongation(fine) for kv, fine in zip(s.knot_vectors, finer)), s.coefficients)
+        tensor_apply(s.kv_u.prolongation(finer_u), s.kv_v.prolongation(finer_v), s.coefficients)
         for s in (part, piece)
     ]
     return float(np.abs(nets[0] - nets[1]).max())

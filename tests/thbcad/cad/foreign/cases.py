@@ -1,5 +1,5 @@
-"""Round lenses as other programs write them: revolved from a meridian, in one or several parts; sags and volumes
-come from formulas, not from a CAD kernel."""
+"""Round lenses as other programs write them: revolved from a meridian, in one or several parts; sags and
+volumes come from formulas, not from a CAD kernel."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
