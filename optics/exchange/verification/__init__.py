@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .independent_checks import other_part_checks, text_and_occt_checks, tracer_by_occt
-    from .lone_file import bare_checks
+    from .lone_file import bare_checks, unit_note
     from .occt_tracer import occt_through
     from .optiland_tracer import optiland_available, optiland_checks, optiland_through, tracer_by_optiland
     from .rays_behind import RaysBehind, last_step

@@ -12,7 +12,7 @@ from optics.base.runtime import Check
 from optics.exchange.verification.solid_text import TOLERANCE, measure_checks, whole_checks
 from optics.exchange.verification.step_checks import differing_numbers
 from optics.exchange.verification.step_file import StepFile, optical_form, state_checks
-from thbcad.cad.exchange import conic_faces, spline_faces
+from thbcad.cad.exchange import SolidState, conic_faces, spline_faces, step_shape
 from thbcad.checks import Bools, Floats
 from thbcad.io import Brep, BrepFace, edge_span
 from thbcad.lens import FreeformSurface, require_sound_graphs
@@ -23,6 +23,14 @@ from thbcad.splines import BSplineSurface, KnotVector
 GRID = 1e-10  # of the size of a face: poles farther from their grid than rounding
 ON_RIM = 1e-8  # relative; rims are fitted within 1e-9 mm
 RIM_POINTS = 33  # of every edge that are compared with an outline
+UNITS = {  # of length as STEP files name them: OCCT's names, and their sizes in mm
+    "MILLI METRE": ("MM", 1.0),
+    "CENTI METRE": ("CM", 10.0),
+    "METRE": ("M", 1000.0),
+    "MICRO METRE": ("UM", 1e-3),
+    "INCH": ("INCH", 25.4),
+    "FOOT": ("FT", 304.8),
+}
 WITHOUT_LENS = (
     "whether the lens is the one that was designed, which `thbcad verify` of its folder says: "
     "a pole moved along z gives another whole lens"
@@ -46,11 +54,13 @@ def bare_checks(file: StepFile) -> BareChecks:
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    by_itself = text_checks_of(file.text)
-    state = file.state
+    unit, size = UNITS.get(file.text.unit.upper(), ("MM", 1.0))
+    by_itself = text_checks_of(file.text, size)
+    # in the unit of the file, so that its numbers stay as they are
+    state = file.state if unit == "MM" else SolidState(step_shape(file.path, unit))
     measures, not_measured = measure_checks(file.text, state)
     # numbers of spline faces, and of planes across z, spheres and patches of conics, by OCCT and by the text
-    by_occt = [*spline_faces(file.state.shape), *conic_faces(file.state.shape)]
+    by_occt = [*spline_faces(state.shape), *conic_faces(state.shape)]
     faces = file.text.faces
     splines = [face.surface for face in faces if face.surface is not None]
     conics = [form for face in faces if isinstance(form := optical_form(file.text, face), PlacedConic)]
@@ -58,7 +68,7 @@ def bare_checks(file: StepFile) -> BareChecks:
     unequal = sum(differing_numbers(read, surface) for read, surface in zip(by_occt, by_text))
     checks = [
         *state_checks(state, "by OCCT"),
-        Check("tolerance that faces, edges and vertices need to meet", state.tolerance, TOLERANCE, "mm"),
+        Check("tolerance that faces, edges and vertices need to meet", file.state.tolerance, TOLERANCE, "mm"),
         Check.none_of(
             "text of the file: numbers of surfaces that differ from those that OCCT reads",
             unequal + abs(len(by_occt) - len(by_text)),
@@ -69,9 +79,18 @@ def bare_checks(file: StepFile) -> BareChecks:
     )
 
 
-def text_checks_of(solid: Brep) -> BareChecks:
-    """Return the part of the BareChecks that reads the text alone."""
-    checks, left_out = whole_checks(solid)
+def unit_note(file: StepFile) -> list[str]:
+    """Return a sentence on the unit of length of a STEP file, where that is not the millimetre."""
+    unit, size = UNITS.get(file.text.unit.upper(), (file.text.unit, 0.0))
+    if unit == "MM":
+        return []
+    known = f"{size:g} mm" if size else "which is not known here; its numbers are taken as mm"
+    return [f"the unit of length of {file.path} is the {file.text.unit.lower()}, {known}"]
+
+
+def text_checks_of(solid: Brep, size: float = 1.0) -> BareChecks:
+    """Return the part of the BareChecks that reads the text alone.  size : mm, of its unit of length."""
+    checks, left_out = whole_checks(solid, size=size)
     nets, surfaces = _net_checks(solid)
     outline = _outline(solid, surfaces)
     if not surfaces:

@@ -28,10 +28,13 @@ EXTRUDED = "area by OCCT: its integral over the wall of an ellipse is off by up 
 OWN_NAMES = ("front", "rear", "face", "back", "edge", "flange", "insert")  # first words of own names of faces
 
 
-def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check], list[str]]:
+def whole_checks(
+    solid: Brep, tolerance: float = TOLERANCE, size: float | None = None
+) -> tuple[list[Check], list[str]]:
     """Return the Checks of schema, unit, names, edges and flags, and what is left out.
 
     tolerance : mm, of edges from their vertices and from their images.
+    size : mm, of the unit of length that the file names; None where that must be the millimetre.
     """
     with np.errstate(all="ignore"):  # absurd numbers give inf or nan, which fail
         distance, uncompared = image_distance(solid)
@@ -42,15 +45,17 @@ def whole_checks(solid: Brep, tolerance: float = TOLERANCE) -> tuple[list[Check]
     if places is not None:
         front, rear = (_middle(optical_form(solid, solid.faces[k])) for k in places)
         again += int(not front < rear)
+    not_mm = Check.none_of("text of the file: unit of length that is not mm", solid.unit != MILLIMETRE)
+    unit_of_length = [not_mm] if size is None or (size == 1 and solid.unit != MILLIMETRE) else []
     other = not any(word.startswith(SCHEMAS) for word in solid.labels["schema"])
     return [
         Check.none_of("text of the file: schema that is none of AP203, AP214, AP242", other),
-        Check.none_of("text of the file: unit of length that is not mm", solid.unit != MILLIMETRE),
+        *unit_of_length,
         Check.none_of("text of the file: edges that do not border two faces", solid.unpaired),
         Check.none_of("text of the file: edges that do not begin where the one before ends", solid.gaps),
         Check(
             "text of the file: edges from their vertices and from their curves in the faces' parameters",
-            distance,
+            distance * (size or 1.0),
             tolerance,
             "mm",
         ),

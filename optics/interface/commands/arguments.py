@@ -109,7 +109,13 @@ def _design_options(command: CommandParser) -> None:
     command.option(
         "--from", "DIR", "start from the free surfaces of an earlier design, on their meshes", dest="earlier"
     )
-    command.option("--lens", "LENS", "lens.json, or STEP of any program: this lens as it is, not optimised")
+    command.option(
+        "--lens",
+        "LENS",
+        "lens.json, or STEP of any program: this lens as it is, not optimised; the problem may leave out "
+        "thickness, half-widths and the target",
+    )
+    command.switch("--turn", "with --lens of a STEP file: light meets its other side first")
 
 
 def _check_options(command: CommandParser) -> None:

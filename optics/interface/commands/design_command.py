@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optics.base.runtime import HelperProcess, ProcessEnded, UserError, check_lines, note, reading
+from optics.base.runtime import HelperProcess, ProcessEnded, UserError, check_lines, note
 from optics.designing.optimisation import Row, State, earlier_state
 from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import (
@@ -29,7 +29,7 @@ from optics.exchange.results import (
 )
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import changes_of, result_path, system_of
-from optics.interface.relighting import given_lens
+from optics.interface.relighting import given_system
 from optics.light.analysis import (
     WHAT_HELPS,
     counted_ways,
@@ -38,9 +38,8 @@ from optics.light.analysis import (
     photometric_lines,
 )
 from optics.reporting.live import LiveView
-from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, solvable_system
-from thbcad.io import read_lens
+from optics.scene.problem import Problem
+from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens
 
 if TYPE_CHECKING:
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
 
 
 SCREENS = "DISPLAY", "WAYLAND_DISPLAY"  # environment variables: a browser can be shown on it
-MOVED = 1e-6  # mm, of the vertex from which a target counts its distance: more is told
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,9 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--iterations takes a number from 1 on, and needs --resume")
     if options.lens and (options.resume or options.earlier or options.live):
         raise UserError("--lens takes a lens as it is: --resume, --from and --live are for designs")
-    system, lens = _given(options) if options.lens else (system_of(options), None)
+    if options.turn and not options.lens:
+        raise UserError("--turn turns the lens of --lens; give one")
+    system, lens = system_and_lens(options)
     problem = system.problem
     run = _Run(problem, options.words, folder, clock, live, identity=fingerprint(problem))
     if not options.force:
@@ -112,31 +112,11 @@ def design(options: Namespace) -> Outcome:
             raise
 
 
-def _given(options: Namespace) -> tuple[OpticalSystem, Lens]:
-    """Return the system of the problem with the lens of --lens, and that lens.
-
-    Raises UserError : the file cannot be read or holds no lens; see `given_lens` and `solvable_system`.
-    """
-    path, problem = Path(options.lens), load_problem(options.problem, changes_of(options))
-    if path.is_dir():
-        path = path / "lens.json"
-    with reading(path):
-        if path.suffix.lower() == ".json":
-            lens = read_lens(path)
-        else:
-            from thbcad.cad import read_lens_solid  # OCCT
-
-            refit = read_lens_solid(path).refit(OpticalSystem(problem).problem.optic.known_index)
-            note(str(refit))
-            lens, spec = refit.lens, problem.lens
-            if spec and problem.target.distance and abs(spec.thickness - lens.thickness) > MOVED:
-                note(
-                    f"the rear of the file begins at z = {lens.thickness:.6g} mm, and lens.thickness of the "
-                    f"problem is {spec.thickness:.6g} mm: target.distance is taken from the file's rear, to "
-                    f"z = {lens.thickness + problem.target.distance:.6g} mm"
-                )
-    problem, lens = given_lens(problem, lens)
-    return solvable_system(problem), lens
+def system_and_lens(options: Namespace) -> tuple[OpticalSystem, Lens | None]:
+    """Return the system of the problem, with the lens of --lens where that is given, and that lens."""
+    if not options.lens:
+        return system_of(options), None
+    return given_system(options.problem, changes_of(options), options.lens, options.turn)
 
 
 def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens | None) -> Outcome:

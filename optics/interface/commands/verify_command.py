@@ -144,7 +144,7 @@ def verify(options: Namespace) -> Outcome:
     if options.lens is not None and not alone:
         raise UserError(f"--lens says which lens the part in a STEP file holds, and {path} is none")
     request = light_request(options, not alone)
-    from optics.exchange.verification import bare_checks  # OCCT
+    from optics.exchange.verification import bare_checks, unit_note  # OCCT
 
     notes: list[str] = []
     left_out: list[str] = []
@@ -165,6 +165,7 @@ def verify(options: Namespace) -> Outcome:
         with reading(path):
             file.read()
         checks, left_out = bare_checks(file)
+        notes = unit_note(file)
     else:
         with process_for("optiland", forked=True) if options.optiland else nullcontext() as beside:
             checks, notes, light = _folder_checks(path, beside, request)

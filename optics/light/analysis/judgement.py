@@ -162,19 +162,26 @@ def judged(
     body = metrics.get("element", "lens")
     subject = {"light misses": "light", "file or part fails": "file"}.get(found)
     rows = [c for c in checks if c.result == worst and subject in (None, c.subject)]
+    requested = any(check.subject == "light" for check in checks)
+    makes = f"the {body} makes the light asked for" if requested else "no light was requested"
     says = {
-        "made": f"the {body} makes the light asked for{f', and the file is the {body}' * of_file}",
+        "made": f"{makes}{f', and the file is the {body}' * of_file}",
         "light misses": "the light misses what was asked for",
         "file or part fails": "the file, the part or a limit of making fails",
         "not decided": "not decided",
     }[found]
-    sentence = f"{headline(metrics)}: {says}"
+    sentence = f"{headline(metrics) if requested else arrival(metrics)}: {says}"
     if found != "made":
         more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
         sentence += f": {rows[0].name} {rows[0].got} ({rows[0].wanted}){more}"
     if found == "light misses" and (excuse := _excuse(metrics, rows)):
         sentence += f"; {excuse}"
     return Verdict(found, sentence, tuple(checks), tuple(notes))
+
+
+def arrival(metrics: dict[str, Any]) -> str:
+    """Return how much light arrives on the target, in words."""
+    return f"{metrics['efficiency']:.1%} of the light arrives on the target"
 
 
 def headline(metrics: dict[str, Any]) -> str:

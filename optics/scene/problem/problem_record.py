@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -281,10 +281,15 @@ def _require_elements(problem: Problem) -> None:
     _ = problem.faces_met
 
 
-def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) -> Problem:
+def load_problem(
+    path: str | Path,
+    changes: Mapping[str, object] | None = None,
+    complete: Callable[[Mapping[str, Any]], Mapping[str, object]] | None = None,
+) -> Problem:
     """Read a problem file and return the Problem; its image paths are made absolute.
 
     changes : {dotted key: value}, in place of what the file says; see `assignment`.
+    complete : returns further keys for the changed tables, such as what they leave to the file of a lens.
 
     Raises UserError : with one sentence that names the file, the key, what came and what was wanted.
     """
@@ -308,4 +313,5 @@ def load_problem(path: str | Path, changes: Mapping[str, object] | None = None) 
     with speaking_of(path):
         if "source" in data:
             data["source"] = _first_of_list(data["source"])
-        return record(Problem, with_changes(data, changes or {}), path.parent)
+        data = with_changes(data, changes or {})
+        return record(Problem, with_changes(data, complete(data)) if complete else data, path.parent)

@@ -125,13 +125,13 @@ def edges_of(shape: TopoDS_Shape, avoided: TopAbs_ShapeEnum = TopAbs_SHAPE) -> l
     return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE, avoided)]
 
 
-def step_shape(path: Path) -> TopoDS_Shape:
-    """Return the shape of a STEP file, in mm.
+def step_shape(path: Path, unit: str = "MM") -> TopoDS_Shape:
+    """Return the shape of a STEP file, in mm or another unit of OCCT's, such as "INCH" and "M".
 
     Raises OSError : the file cannot be read.  ValueError : it is not readable, or damaged.
     """
     reader = STEPControl_Reader()
-    _transfer(path, reader, GEOMETRY, reader.TransferRoots)
+    _transfer(path, reader, GEOMETRY, reader.TransferRoots, unit)
     return reader.OneShape()
 
 
@@ -144,9 +144,13 @@ def step_document(path: Path) -> tuple[STEPControl_Reader, TDocStd_Document]:
 
 
 def _transfer(
-    path: Path, reader: STEPControl_Reader, kinds: tuple[type, ...], transfer: Callable[[], int]
+    path: Path,
+    reader: STEPControl_Reader,
+    kinds: tuple[type, ...],
+    transfer: Callable[[], int],
+    unit: str = "MM",
 ) -> None:
-    """Read a STEP file and let OCCT transfer it, in mm; raise as `step_shape`.
+    """Read a STEP file and let OCCT transfer it into a unit of length; raise as `step_shape`.
 
     kinds : of entities that must be whole.
     """
@@ -154,7 +158,7 @@ def _transfer(
     _require_harmless(path, data)
     common = common_splines(data)
     try:
-        with occt_settings({"xstep.cascade.unit": "MM"}):
+        with occt_settings({"xstep.cascade.unit": unit}):
             status = (
                 reader.ReadFile(str(path))
                 if common == data

@@ -3,27 +3,32 @@
 Names, units, order of entities, placement and kinds of surfaces do not matter.  The doubly curved face of the
 greatest area is one optical surface; of a cylinder lens, which has none, the largest of the faces that are
 curved in one direction and end in sharp edges.  A line from its middle along the axis leaves the glass
-through the other one.  Faces that continue each other smoothly are one surface.
+through the other one.  Faces that continue each other smoothly are one surface, such as the halves and
+quarters in which some programs write surfaces of revolution.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopAbs import TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, face_hits, silence, step_shape
+from thbcad.cad.foreign.face_groups import axial_heights, continued, unified
 from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
-from thbcad.cad.foreign.surveyed_faces import SurveyedFace, axial_heights, continued, surveyed
+from thbcad.cad.foreign.surveyed_faces import SurveyedFace, surveyed
 from thbcad.checks import Floats
 from thbcad.io import Entities, entities_of, having, read_part21
 from thbcad.poses import Pose
 
 ASSIGNED = "GLOBAL_UNIT_ASSIGNED_CONTEXT"
 LEAST_FACING = 0.2  # cosine of the normal with the axis, from which a face can be optical
+STEEPEST = float(np.degrees(np.arccos(LEAST_FACING)))
 NAMES = ("front", "rear")
 
 
@@ -70,10 +75,17 @@ class ForeignLens:
 
         index : refractive index; STEP files of other programs have none.  tolerance : mm, in z.
 
-        Raises ValueError : surfaces that are not centred on one axis; an outline that is no rectangle, unless
-            the surface is a conic or a spline in graph form; a surface that a fit does not meet; as `Lens`.
+        Raises ValueError : surfaces that are not centred on one axis; outlines that differ, or that are
+            neither rectangles, with round corners or not, nor ellipses; a surface that a fit does not meet;
+            glass that is not that of the solid (an opening, a cavity); as `Lens`.
         """
-        return refitted(self.frame, self.thickness, (self.front, self.rear), index, tolerance)
+        return refitted(self.frame, self.thickness, (self.front, self.rear), self.shape, index, tolerance)
+
+    def turned(self) -> ForeignLens:
+        """Return the same lens with front and rear exchanged: half a turn around x."""
+        frame = self.frame @ Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, self.thickness]))
+        front, rear = (optical_face(list(face.faces), frame) for face in (self.rear, self.front))
+        return replace(self, frame=frame, front=front, rear=rear)
 
 
 def read_lens_solid(path: str | Path) -> ForeignLens:
@@ -90,29 +102,33 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     solids = explore(shape, TopAbs_SOLID)
     if len(solids) != 1:
         raise ValueError(f"{path} holds {len(solids)} solids where a lens is one")
-    faces = surveyed(solids[0])
-    curved = [face for face in faces if not face.is_ruled] or _arched(solids[0], faces)
+    if len(explore(solids[0], TopAbs_SHELL)) > 1:
+        raise ValueError(f"{path} holds a solid with a cavity; a Lens is glass throughout")
+    solid = unified(solids[0])
+    faces = surveyed(solid)
+    curved = [face for face in faces if not face.is_ruled] or _arched(solid, faces)
     if not curved:
         raise ValueError(
             f"{path} holds no curved face that ends in sharp edges and faces one way: no lens surface was "
             "found"
         )
     main = max(curved, key=lambda face: face.area)
-    frame = Pose(lens_axes(main, faces), np.zeros(3))
-    pair = main, _opposite(solids[0], faces, main, frame)
-    groups = [_group(solids[0], faces, one, frame) for one in pair]
-    if not all(groups):
+    normal = main.samples[1].mean(axis=0)
+    frame = Pose(lens_axes(_group(solid, faces, main, normal), faces), np.zeros(3))
+    axis = frame.rotation[:, 2]
+    pair = main, _opposite(solid, faces, main, frame)
+    if pair[0] is pair[1]:
         raise ValueError(f"{path} holds one curved face and none opposite: a lens has a front and a rear")
-    side = float(main.samples[1].mean(axis=0) @ frame.rotation[:, 2])
-    front, rear = (optical_face(group, frame) for group in (groups if side < 0 else groups[::-1]))
+    groups = [_group(solid, faces, one, axis) for one in pair]
+    for group in groups:
+        _require_single(faces, group, axis)
+    front, rear = (optical_face(one, frame) for one in (groups if normal @ axis < 0 else groups[::-1]))
     heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]
     if not np.isfinite(heights).all():
         raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
     frame = frame @ Pose.at((*front.centre, heights[0]))
     front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
-    return ForeignLens(
-        path, _unit_of(entities), frame, float(heights[1] - heights[0]), front, rear, solids[0]
-    )
+    return ForeignLens(path, _unit_of(entities), frame, float(heights[1] - heights[0]), front, rear, solid)
 
 
 def _vector(vector: Floats) -> str:
@@ -146,14 +162,41 @@ def _opposite(
 
 
 def _group(
-    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, frame: Pose
+    solid: TopoDS_Shape, faces: Sequence[SurveyedFace], main: SurveyedFace, axis: Floats
 ) -> list[SurveyedFace]:
     """Return the faces of the optical surface that a face belongs to."""
-    sign = np.sign(main.samples[1].mean(axis=0) @ frame.rotation[:, 2])
-    facing = [f for f in faces if (sign * (f.samples[1] @ frame.rotation[:, 2]) > LEAST_FACING).all()]
+    facing = [f for f in faces if _faces_one_way(f, main, axis)]
     if main.kind == "plane":
         facing = [f for f in facing if f.kind == "plane"]
     return continued(solid, facing, main)
+
+
+def _faces_one_way(face: SurveyedFace, main: SurveyedFace, axis: Floats) -> bool:
+    """Return whether all of a face looks along an axis to the side to which `main` does."""
+    sign = np.sign(main.samples[1].mean(axis=0) @ axis)
+    return bool((sign * (face.samples[1] @ axis) > LEAST_FACING).all())
+
+
+def _require_single(faces: Sequence[SurveyedFace], group: Sequence[SurveyedFace], axis: Floats) -> None:
+    """Raise ValueError where one side of a lens has several curved surfaces, such as a dimple in another, or
+    one that is nearly upright somewhere."""
+    known, main = {face.number for face in group}, group[0]
+    for other in faces:
+        curved = not (other.is_ruled or other.is_flat or other.kind == "torus")
+        if other.number not in known and curved and _faces_one_way(other, main, axis):
+            raise ValueError(
+                f"one side of the lens has two curved surfaces, {_words(main)} and {_words(other)}, that are "
+                "not continued by each other; a Lens has one on each side"
+            )
+    if not _faces_one_way(main, main, axis):
+        raise ValueError(
+            f"an optical face, {_words(main)}, is steeper than {STEEPEST:.0f} degrees, as a half ball is "
+            "at its equator; a Lens holds surfaces z(x, y) of lesser slope"
+        )
+
+
+def _words(face: SurveyedFace) -> str:
+    return f"a {face.kind}" if face.radius is None else f"a {face.kind} of radius {face.radius:.6g} mm"
 
 
 def _unit_of(entities: Entities) -> str:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thbcad.cad.foreign.face_groups import reach, rim_edges, rim_points, shadow_area
+from thbcad.cad.foreign.face_outlines import FaceOutline, face_outline
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
 from thbcad.poses import Pose
@@ -21,11 +23,10 @@ NEAR = 0.9  # cosine between an axis and the mean normal of the surface: 25 degr
 ELLIPSE = 1e-6  # of the size of a rim, by which it may be off an ellipse
 ELLIPTIC = 1e-4  # relative difference of the squares of axes, from which an ellipse has directions
 SNAP = 1e-12  # directions nearer to an axis of the file are it
-SAME = 1e-9  # between unit vectors
+SAME = 1e-9  # between unit vectors; relative: of places and radii
 ALIKE = 1 - 1e-6  # cosine: within 1.4 mrad of a direction of planes or cylinders, that one is meant
+PLANE_RIM = 1e-7  # of the size of a rim: how well it must lie in a plane
 CHAMFERED = 1e-3  # of the half-width: so far off the axis is the rim that a chamfer leaves
-ROUND = 1e-6  # relative: how well an outline must be a rectangle
-ROUND_RIM = 1e-4  # the same of an ellipse: a chamfer ends in splines that are 1e-5 off the circle of a sphere
 
 
 def in_frame(frame: Pose, points: Floats) -> Floats:
@@ -33,22 +34,25 @@ def in_frame(frame: Pose, points: Floats) -> Floats:
     return frame.inverse().points(points.T).T
 
 
-def lens_axes(main: SurveyedFace, faces: Sequence[SurveyedFace]) -> Floats:
+def lens_axes(group: Sequence[SurveyedFace], faces: Sequence[SurveyedFace]) -> Floats:
     """Return the unit vectors x, y, z of a lens as columns, (3, 3): a rotation.
 
-    z is the axis of the graph, of revolution, of a cylinder, or along planes, whichever of these comes first
-    and is within 25 degrees of the mean normal of the face `main`, which stands in where there is none.  It
-    points to where that axis of the file grows that it is nearest to; x is as near as it can to the file's.
+    z is the axis of the graph, of revolution, of a cylinder, along planes, or across a plane rim, whichever
+    of these comes first and is within 25 degrees of the mean normal of an optical surface, the faces `group`.
+    That stands in where there is none.  z points to where that axis of the file grows that it is nearest to;
+    x is as near as it can to the file's.
     """
-    mean = _unit(main.samples[1].mean(axis=0))
+    main, rim = group[0], rim_points(rim_edges(group))
+    mean = _unit(np.sum([face.area * face.samples[1].mean(axis=0) for face in group], axis=0))
     round_ = sorted((f for f in faces if not f.is_flat), key=lambda f: -f.area)
     exact = [*(d for f in round_ if (d := f.direction) is not None), *_of_planes(faces)]
-    axis = next((d for d in (*_graph_directions(main)[:1], *exact) if abs(d @ mean) > NEAR), mean)
+    found = [*_graph_directions(main)[:1], *exact, *_across_plane(rim)]
+    axis = next((d for d in found if abs(d @ mean) > NEAR), mean)
     axis = next((d for d in exact if abs(d @ axis) > ALIKE), axis)
     size = np.round(np.abs(axis[::-1]), 9)
     dominant = 2 - int(np.argmax(size))
     axis = _snapped(axis * np.sign(axis[dominant]))
-    x = _x_direction(main, faces, axis)
+    x = _x_direction(main, faces, rim, axis)
     return np.column_stack([x, _snapped(np.cross(axis, x)), axis])
 
 
@@ -83,7 +87,15 @@ def _of_planes(faces: Sequence[SurveyedFace]) -> list[Floats]:
     return [_unit(d) for d in crossed if np.linalg.norm(d) > 0.1] + normals
 
 
-def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats) -> Floats:
+def _across_plane(points: Floats) -> list[Floats]:
+    """Return the normal of the plane that holds points (n, 3), [] where none does."""
+    if len(points) < 3:
+        return []
+    _, sizes, rows = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return [rows[2]] if sizes[2] < PLANE_RIM * sizes[1] else []
+
+
+def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], rim: Floats, axis: Floats) -> Floats:
     """Return the direction of a side, or of a parameter line, that is nearest to the file's x axis."""
     graph = [_unit(d - (d @ axis) * axis) for d in _graph_directions(main)[1:]]
     walls = [d for d in _of_planes(faces) if abs(d @ axis) < SAME]
@@ -93,7 +105,7 @@ def _x_direction(main: SurveyedFace, faces: Sequence[SurveyedFace], axis: Floats
     candidates = [d for one in alike or graph for d in (one, np.cross(axis, one))]
     toward = np.eye(3)[0] if abs(axis[0]) < 0.9 else np.eye(3)[1]
     level = np.array([(own := _unit(toward - (toward @ axis) * axis)), np.cross(axis, own)])
-    candidates = candidates or [*(_ellipse_axes(main.rim @ level.T) @ level), level[0]][:2]
+    candidates = candidates or [*(_ellipse_axes(rim @ level.T) @ level), level[0]][:2]
     best = max(candidates, key=lambda d: abs(round(float(d @ toward), 9)))
     best = best - (best @ axis) * axis
     return _snapped(best * (1 if best @ toward >= 0 else -1))
@@ -135,7 +147,7 @@ class OpticalFace:
     kind : "plane", "sphere", "cylinder", "spline", "rational spline", "surface of revolution", ...
     radius : float, mm, of a sphere or a cylinder, else None
     faces : SurveyedFace, one or, where the surface was split, several
-    outline : "rectangle", "ellipse" or "other", seen along the axis
+    rim : FaceOutline, seen along the axis
     half_width : (2,) of the box round the outline, mm.  centre : (2,) of that box in the lens's frame, mm;
         of the sphere, where the rim is centred on it but for what a chamfer leaves
     degrees, control_points : (2,) int of a spline in one piece, else None
@@ -148,7 +160,7 @@ class OpticalFace:
     kind: str
     radius: float | None
     faces: tuple[SurveyedFace, ...]
-    outline: str
+    rim: FaceOutline
     half_width: Floats
     centre: Floats
     degrees: tuple[int, int] | None
@@ -157,10 +169,29 @@ class OpticalFace:
     periodic: tuple[bool, bool]
     graph_deviation: float | None
 
+    def is_revolved_around(self, frame: Pose) -> bool:
+        """Whether all of it is on surfaces of revolution around the axis of a frame."""
+        axis = frame.rotation[:, 2]
+        for face in self.faces:
+            direction, point = face.direction, face.axis_point
+            if direction is None or point is None or np.linalg.norm(np.cross(direction, axis)) > SAME:
+                return False
+            if np.abs(in_frame(frame, point)[:2]).max() > SAME * float(self.half_width.max()):
+                return False
+        return True
+
+    @property
+    def outline(self) -> str:
+        """ "rectangle", "rounded" (a rectangle with round corners), "ellipse" or "other"."""
+        return self.rim.word
+
+    def described(self) -> str:
+        """Return its kind, with its radius."""
+        return self.kind if self.radius is None else f"{self.kind} of radius {self.radius:.9g} mm"
+
     def __repr__(self) -> str:
         a, b = 2 * self.half_width
-        size = "" if self.radius is None else f" of radius {self.radius:.9g} mm"
-        parts = [f"{self.kind}{size} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
+        parts = [f"{self.described()} in {len(self.faces)} face{'s' * (len(self.faces) > 1)}"]
         if self.degrees and self.control_points:
             p, q = self.degrees
             parts.append(f"degree {p} x {q}, {self.control_points[0]} x {self.control_points[1]} poles")
@@ -171,16 +202,17 @@ class OpticalFace:
 
 def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     """Return what is known of an optical surface in a frame."""
-    outline = in_frame(frame, np.concatenate([face.rim for face in group]))[:, :2]
+    edges = rim_edges(group)
     axes = frame.rotation.T[:2]
-    reach = np.array([[max(f.reach(way * d) for f in group) for d in axes] for way in (-1, 1)])
-    low, high = reach * [[-1], [1]] - axes @ frame.shift
+    ends = np.array([[reach(edges, way * d) for d in axes] for way in (-1, 1)])
+    low, high = ends * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
-    word = _outline_kind((outline - centre) / half)
-    if word != "rectangle" and (middle := group[0].centre) is not None:
+    points = in_frame(frame, rim_points(edges))[:, :2] - centre
+    rim = face_outline(points, half, shadow_area(edges, frame))
+    if rim.word != "rectangle" and (middle := group[0].centre) is not None:
         apart = in_frame(frame, middle)[:2] - centre
         centre = centre + apart * (np.abs(apart).max() < CHAMFERED * half.max())
-    spline = group[0].spline if len(group) == 1 else None
+    spline = group[0].spline if is_one_surface(group) else None
     deviation = None
     if isinstance(spline, BSplineSurface):  # between those of the poles
         _, rest = graph_residual(spline)
@@ -192,7 +224,7 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
         kind=kind,
         radius=group[0].radius,
         faces=tuple(group),
-        outline=word,
+        rim=rim,
         half_width=half,
         centre=centre,
         degrees=None if spline is None else (spline.kv_u.degree, spline.kv_v.degree),
@@ -203,11 +235,26 @@ def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     )
 
 
-def _outline_kind(relative: Floats) -> str:
-    """Return what an outline is whose box is [-1, 1] x [-1, 1]."""
-    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    gaps = np.linalg.norm(relative[:, None] - corners, axis=2).min(axis=0)
-    if gaps.max() < ROUND:
-        return "rectangle"
-    outer = np.hypot(*relative.T)
-    return "ellipse" if np.abs(outer - 1).max() < ROUND_RIM else "other"
+def is_one_surface(group: Sequence[SurveyedFace]) -> bool:
+    """Return whether faces are parts of one sphere, or of one spline with the same numbers; one face is."""
+    first, others = group[0], group[1:]
+    if first.kind == "sphere":
+        numbers = [
+            [*face.centre.tolist(), face.radius]
+            for face in group
+            if face.centre is not None and face.radius is not None
+        ]
+        return len(numbers) == len(group) and bool(np.ptp(numbers, axis=0).max() <= SAME * numbers[0][3])
+    spline = first.spline
+    return not others or (
+        spline is not None and all(f.spline is not None and _equal(spline, f.spline) for f in others)
+    )
+
+
+def _equal(spline: BSplineSurface | NURBSSurface, other: BSplineSurface | NURBSSurface) -> bool:
+    """Return whether two splines have the same numbers."""
+    pairs = [(kv.knots, own.knots) for kv, own in zip(spline.knot_vectors, other.knot_vectors)]
+    pairs.append((spline.coefficients, other.coefficients))
+    if isinstance(spline, NURBSSurface) and isinstance(other, NURBSSurface):
+        pairs.append((spline.weights, other.weights))
+    return type(spline) is type(other) and all(np.array_equal(a, b) for a, b in pairs)

@@ -1,10 +1,8 @@
-"""The faces of a solid that another program wrote: kind, samples, area, heights along the axis, and which
-continue each other.
-"""
+"""The faces of a solid that another program wrote: kind, surface, samples, area and edges."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -25,19 +23,14 @@ from OCP.GeomAbs import (
     GeomAbs_Torus,
 )
 from OCP.GeomConvert import GeomConvert
-from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d
+from OCP.gp import gp_Pnt2d
 from OCP.GProp import GProp_GProps
-from OCP.IntCurvesFace import IntCurvesFace_Intersector
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN
-from OCP.TopExp import TopExp
+from OCP.TopAbs import TopAbs_IN
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
-from scipy.optimize import minimize_scalar
 
 from thbcad.cad.exchange import edges_of, faces_of, point_and_normal
 from thbcad.cad.shapes import spline_surface
 from thbcad.checks import MAX_DEGREE, Floats
-from thbcad.poses import Pose
 from thbcad.splines import BSplineSurface, NURBSSurface
 
 KINDS = {
@@ -55,10 +48,15 @@ STRAIGHT = ("plane", "cylinder", "cone", "extrusion")  # kinds with straight lin
 FLAT = 1e-9  # between unit normals: of a plane that was written as something else
 GRID = 7  # samples along each parameter of a face
 RIM = 33  # samples of an edge
-STEP = 1e-6  # of two samples' distance: a greatest value errs by its square
-SMOOTH = 1e-3  # rad between normals on a common edge: one surface that was split
-TOLERANCE = 1e-6  # mm: rays through the rim count
-FARTHEST = 1e6  # mm along a line
+
+
+class FaceEdge(NamedTuple):
+    """An edge of a face: its curve, parameters from end to end (n,), and the points there (n, 3), mm."""
+
+    edge: TopoDS_Edge
+    curve: BRepAdaptor_Curve
+    parameters: Floats
+    points: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,39 +165,24 @@ class SurveyedFace:
             return np.array(adaptor.AxeOfRevolution().Direction().Coord())
         return np.array(adaptor.Direction().Coord()) if self.kind == "extrusion" else None
 
-    @property
-    def rim(self) -> Floats:
-        """Points of its edges, both ends included, (n, 3); seams lie within the face and are left out."""
-        return np.concatenate([np.empty((0, 3)), *(points for _, _, points in self._edges)])
-
-    def reach(self, direction: Floats) -> float:
-        """Return the greatest d . p over the points p of its edges, mm; seams are left out."""
-        farthest = -np.inf
-        for curve, t, points in self._edges:
-            along = points @ direction
-            best = int(np.argmax(along))
-            # a closed edge goes on at its other end
-            for near in {best} if 0 < best < RIM - 1 else {0, RIM - 1}:
-                ends = t[[max(near - 1, 0), min(near + 1, RIM - 1)]]
-                between = minimize_scalar(
-                    lambda at, curve=curve: -float(direction @ curve.Value(float(at)).Coord()),
-                    bounds=ends,
-                    method="bounded",
-                    options={"xatol": STEP * (ends[1] - ends[0])},
-                )
-                farthest = max(farthest, float(along[near]), -float(between.fun))
-        return farthest
+    @cached_property
+    def axis_point(self) -> Floats | None:
+        """(3,) mm, a point of the axis of a surface of revolution, else None."""
+        if self.kind != "surface of revolution":
+            return None
+        return np.array(BRepAdaptor_Surface(self.face).AxeOfRevolution().Location().Coord())
 
     @cached_property
-    def _edges(self) -> list[tuple[BRepAdaptor_Curve, Floats, Floats]]:
-        """The curves of its edges, with parameters from end to end (n,) and the points there (n, 3)."""
+    def edges(self) -> list[FaceEdge]:
+        """Its edges; seams lie within the face and are left out."""
         found = []
         for edge in edges_of(self.face):
             if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
                 continue
             curve = BRepAdaptor_Curve(edge)
             t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)
-            found.append((curve, t, np.array([curve.Value(each).Coord() for each in t.tolist()])))
+            points = np.array([curve.Value(each).Coord() for each in t.tolist()])
+            found.append(FaceEdge(edge, curve, t, points))
         return found
 
 
@@ -210,55 +193,6 @@ def surveyed(solid: TopoDS_Shape) -> list[SurveyedFace]:
     return [SurveyedFace(face, k, kind) for k, (face, kind) in enumerate(zip(faces, kinds))]
 
 
-def continued(solid: TopoDS_Shape, faces: Sequence[SurveyedFace], start: SurveyedFace) -> list[SurveyedFace]:
-    """Return `start` and the faces that continue it smoothly, from one to the next, in their order.
-
-    faces : those that may belong to it.
-    """
-    owners = TopTools_IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, owners)
-    found, waiting = {start.number}, [start]
-    while waiting:
-        own = waiting.pop()
-        for edge in edges_of(own.face):
-            beside = list(owners.FindFromKey(edge))
-            for other in (f for f in faces if f.number not in found):
-                shared = any(other.face.IsSame(face) for face in beside)
-                if shared and _is_smooth(edge, own.face, other.face):
-                    found.add(other.number)
-                    waiting.append(other)
-    return [face for face in faces if face.number in found]
-
-
 def _point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:
     point, normal = point_and_normal(face, u, v)
     return point, normal / (float(np.linalg.norm(normal)) or 1.0)
-
-
-def _is_smooth(edge: TopoDS_Edge, first: TopoDS_Face, second: TopoDS_Face) -> bool:
-    """Return whether two faces have one normal in the middle of their common edge."""
-    normals = []
-    for face in (first, second):
-        curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
-        low, high = BRep_Tool.Range_s(edge, face)
-        normals.append(_point_and_normal(face, *curve.Value((low + high) / 2).Coord())[1])
-    return float(np.linalg.norm(normals[0] - normals[1])) < SMOOTH
-
-
-def axial_heights(faces: Sequence[SurveyedFace], frame: Pose, x: Floats, y: Floats) -> Floats:
-    """Return z of the faces at positions (x, y) of the frame, (n,), NaN where they have none, mm.
-
-    About 0.1 ms per position and face.
-    """
-    intersectors = [IntCurvesFace_Intersector(face.face, TOLERANCE) for face in faces]
-    direction = gp_Dir(*frame.rotation[:, 2].tolist())
-    starts = frame.points(np.stack([x, y, np.zeros(len(x))])).T
-    heights = np.full(len(x), np.nan)
-    for k, start in enumerate(starts.tolist()):
-        line = gp_Lin(gp_Pnt(*start), direction)
-        for intersector in intersectors:
-            intersector.Perform(line, -FARTHEST, FARTHEST)
-            if intersector.IsDone() and intersector.NbPnt():
-                heights[k] = intersector.WParameter(1)
-                break
-    return heights

@@ -21,11 +21,10 @@ def upright(kv_u: KnotVector, kv_v: KnotVector, poles: Floats) -> tuple[KnotVect
     return kv_u, kv_v, poles
 
 
-def centred(graph: BSplineSurface, half_width: Floats, rectangle: bool) -> BSplineSurface | None:
+def centred(graph: BSplineSurface, half_width: Floats) -> BSplineSurface | None:
     """Return the same graph over a rectangle round the axis, None where a face extends beyond it.
 
-    The rectangle is the largest that the graph allows.  With `rectangle`, it is that round the face, unless
-    they differ by rounding.
+    The rectangle is that round the face, or that of the graph where they differ by rounding.
 
     half_width : (2,) float, mm, of the face
     """
@@ -34,7 +33,7 @@ def centred(graph: BSplineSurface, half_width: Floats, rectangle: bool) -> BSpli
         h = min(-kv.start, kv.stop)
         if h < own * (1 - SLIVER) - CENTRED:
             return None
-        if rectangle and max(-kv.start, kv.stop) > own * (1 + SLIVER):
+        if max(-kv.start, kv.stop) > own * (1 + SLIVER):
             h = min(h, own)
         knots = np.abs(kv.knots)
         h = float(knots[(knots > h * (1 - SLIVER)) & (knots < h)].min(initial=h))
