@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
     from optics.light.analysis.light_of_wavelengths import coloured, fringe
+    from optics.light.analysis.light_past_elements import PastLight, light_past_elements
     from optics.light.analysis.metrics import (
         Measurement,
         contrast_error,

@@ -205,13 +205,29 @@ def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
 
 
 def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
-    """Return a sentence for every way on which much of the source flux is lost."""
+    """Return a sentence for every way on which much of the source flux is lost, and on light that passes by
+    elements on its way to the target."""
     fates = metrics[units.key("fates")]
     flux, sentences = sum(map(abs, fates.values())), fate_sentences(fates)
-    return [
+    lost = [
         f"{some / flux:.0%} of the light {sentences[name]}"
         for name, some in fates.items()
         if name != "on_target" and not name.endswith("reflected") and some > WORTH_A_NOTE * flux
+    ]
+    return lost + _past_notes(metrics)
+
+
+def _past_notes(metrics: dict[str, Any]) -> list[str]:
+    """Return a sentence where light on the target misses an element, with what would stop it."""
+    past = metrics.get("past_elements")
+    if past is None:
+        return []
+    missed = " and ".join("the lens" if name == "lens" else name for name in past["missed"])
+    held = " ".join(f"--set {change}" for change in past["holders"])
+    return [
+        f"{100 * past['of_light_on_target']:.2g} % of the light on the target passes beside {missed}; if an "
+        f"opaque holder stops it, say so by {held} or a [[stop]]; else make {missed} larger, or the beam "
+        "narrower"
     ]
 
 

@@ -48,7 +48,7 @@ def ray_irradiance(
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
             half = (mirror_half(part, axes) if isinstance(part, Rays) else part for part in parts)
-            image, by_fate = _trace(path, system.slope_rms, screen, half, rng, backend)
+            image, by_fate = light_of_parts(path, system.slope_rms, screen, half, rng, backend)
             fates.append(by_fate * 2 ** len(axes))
             yield with_mirror_images(image, axes), fates[-1].on_target, fates[-1].off_target
 
@@ -70,7 +70,7 @@ def ray_numbers(source: LightSource, screen: Screen) -> dict[str, int]:
     return {"rays": int(source.most_rays), "rays_of_file": int(source.most_rays)}
 
 
-def _trace(
+def light_of_parts(
     path: LightPath,
     slope_rms: Sequence[float],
     screen: Screen,
@@ -78,7 +78,10 @@ def _trace(
     fresh: np.random.Generator,
     backend: Backend,
 ) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of rays, traced in parts."""
+    """Return (irradiance (rows, columns), flux by fate) of rays, traced in parts.
+
+    slope_rms, fresh : as of `traced_parts`.
+    """
     splat = Splat(backend, screen, BoxWindow())
     image: DrArray = 0.0
     fates = []

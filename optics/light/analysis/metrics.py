@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from optics.light.analysis.light_of_wavelengths import (
     light_of_plate,
     spectral_light,
 )
+from optics.light.analysis.light_past_elements import light_past_elements
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
 from optics.light.measuring import light_axes
@@ -79,7 +81,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
-    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what
+    not negligible, and so is light that misses an element and goes on to the target.  `rel_l2_sequential` is
+    what front and rear alone make.  `error_of_rel_l2` says what
     the estimate's own error does to rel_l2.
     """
     system = system.with_all_sources
@@ -92,8 +95,10 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     by_edges = system.by_edges and (not system.source.collimated or beside)
     other = nonsequential_light(system, lens, screen, backend) if by_edges else None
     all_ways = other is not None and not other.negligible
-    all_light = direct + other.light if other else direct
-    light = all_light if all_ways else direct
+    past = light_past_elements(system, lens, fates, screen, backend)
+    stray_ways = [each.light for each in (other, past) if each]
+    added = [each.light for each in (other if all_ways else None, past) if each]
+    all_light, light = reduce(add, stray_ways, direct), reduce(add, added, direct)
     shown = screen.projection()  # in the far field intensities are compared
     # a target at any scale is compared, also with no light
     target = system.target.irradiance(screen, light.on_target + light.off_target or 1.0) / shown
@@ -119,8 +124,10 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray_error"] = all_light.off_error / flux
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
     metrics |= photometric_metrics(system, screen, light.over(shown), blur)
-    metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
+    metrics |= _zones(system, path, lens, light, added, backend)
     metrics[system.units.key("fates")] = fates.by_name
+    if past and past.missed:
+        metrics["past_elements"] = past.shares(light.on_target, flux)
     if other:
         metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, other)
     sharp = colour = None
@@ -141,13 +148,13 @@ def _zones(
     path: LightPath,
     lens: Lens,
     light: LightEstimate,
-    other: LightEstimate | None,
+    added: Sequence[LightEstimate],
     backend: Backend,
 ) -> dict[str, Any]:
     """Return the metrics of the target's zones.  Light that may have details within pixels is measured once
     more, on finer ones; that of a blur which is wider than a pixel has none.
 
-    light : on the target's pixels.  other : of it, what came by other ways than along the path.
+    light : on the target's pixels.  added : of it, what came by other ways than along the path.
     """
     screen, fine, estimator = system.target.screen(), system.target.zone_screen, _estimator(system)
     if fine != screen and estimator == "beams" and spot_rms(system, lens, backend) > max(screen.pitch):
@@ -158,7 +165,7 @@ def _zones(
             count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
             estimate = partial(estimate, count=max(count, ray_count(screen)))
         light = light_of_plate(system, path, fine, backend, estimate).estimate
-        light = light + other.finer(fine) if other else light
+        light = reduce(add, (each.finer(fine) for each in added), light)
     shown = fine.projection()
     return zone_metrics(system, fine, light.over(shown))
 
