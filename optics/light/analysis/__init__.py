@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         judged,
         loss_notes,
         picture_limit,
+        unjudged_note,
     )
     from optics.light.analysis.lens_trace import (
         conservation,

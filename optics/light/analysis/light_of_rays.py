@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import reduce
-from math import isqrt
+from math import ceil, isqrt, sqrt
 from operator import add
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
+from optics.scene.problem import MAX_PIXELS
 from optics.scene.receivers import BoxWindow, Screen, with_mirror_images
 from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
@@ -62,11 +64,22 @@ def ray_count(screen: Screen) -> int:
     return max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
 
 
-def ray_numbers(source: LightSource, screen: Screen) -> dict[str, int]:
-    """Return about how many rays measure the light, and how many a ray file has where it has no more."""
+def pixels_for(rays: float, pixels: Sequence[int]) -> tuple[int, int] | None:
+    """Return columns and rows of pixels, in proportion, that `ray_count` measures by so many rays.
+
+    None where the problem file takes no so many pixels.
+    """
+    wanted = rays / (RAYS_PER_PIXEL if rays <= MOST_RAYS else LEAST_PER_PIXEL)
+    columns, rows = (ceil(n * sqrt(wanted / (pixels[0] * pixels[1]))) for n in pixels)
+    return (columns, rows) if max(columns, rows) <= MAX_PIXELS else None
+
+
+def ray_numbers(source: LightSource, screen: Screen) -> dict[str, Any]:
+    """Return about how many rays measure the light, on which pixels, and how many a ray file has where it has
+    no more."""
     wanted = ray_count(screen)
     if source.most_rays > wanted:
-        return {"rays": wanted}
+        return {"rays": wanted, "pixels": list(screen.pixels)}
     return {"rays": int(source.most_rays), "rays_of_file": int(source.most_rays)}
 
 

@@ -58,9 +58,9 @@ class PastLight:
             "holders": [
                 f"{optic.key('clear_aperture')}=[{x:g},{y:g}]" for optic, (x, y) in zip(self.missed, halves)
             ],
-            "of_light_on_target": self.light.on_target / on_target,
-            "on_target": self.light.on_target / flux,
-            "off_target": self.light.off_target / flux,
+            "share_of_target": self.light.on_target / on_target,
+            "past_on_target": self.light.on_target / flux,
+            "past_off_target": self.light.off_target / flux,
         }
 
 

@@ -48,8 +48,8 @@ def test_a_beam_wider_than_its_lens_puts_a_brighter_frame_around_the_light_of_th
     assert_light(found, expected)
     frame = 1 - (10 / 12) ** 2
     past = found.metrics["past_elements"]
-    assert past["on_target"] == pytest.approx(frame, rel=1e-3)
-    assert past["of_light_on_target"] == pytest.approx(frame / expected.sum(), rel=1e-3)
+    assert past["past_on_target"] == pytest.approx(frame, rel=1e-3)
+    assert past["share_of_target"] == pytest.approx(frame / expected.sum(), rel=1e-3)
     e = expected / expected.mean()
     assert found.metrics["rel_l2_debiased"] == pytest.approx(np.sqrt(np.mean((e - 1) ** 2)), rel=0.02)
 
@@ -89,7 +89,9 @@ def test_the_wall_of_a_lens_keeps_light_past_its_smaller_front_from_the_target()
     expected = np.where(RADII < 8, PLATE, np.where(RADII < 10, 0.0, 1.0)) * FULL
     assert np.all(found.irradiance[RADII > 10] == pytest.approx(FULL, rel=0.05))
     assert np.all(found.irradiance[RADII < 8] == pytest.approx(PLATE * FULL, rel=1e-6))
-    assert found.metrics["past_elements"]["on_target"] == pytest.approx(expected[RADII > 10].sum(), rel=1e-3)
+    assert found.metrics["past_elements"]["past_on_target"] == pytest.approx(
+        expected[RADII > 10].sum(), rel=1e-3
+    )
 
 
 def test_the_verdict_fails_a_frame_around_even_light_and_says_how_to_hold_the_lens():
