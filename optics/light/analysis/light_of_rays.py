@@ -74,10 +74,9 @@ def pixels_for(rays: float, pixels: Sequence[int]) -> tuple[int, int] | None:
     return (columns, rows) if max(columns, rows) <= MAX_PIXELS else None
 
 
-def ray_numbers(source: LightSource, screen: Screen) -> dict[str, Any]:
+def ray_numbers(source: LightSource, screen: Screen, wanted: int) -> dict[str, Any]:
     """Return about how many rays measure the light, on which pixels, and how many a ray file has where it has
-    no more."""
-    wanted = ray_count(screen)
+    no more.  wanted : rays that were asked for."""
     if source.most_rays > wanted:
         return {"rays": wanted, "pixels": list(screen.pixels)}
     return {"rays": int(source.most_rays), "rays_of_file": int(source.most_rays)}
