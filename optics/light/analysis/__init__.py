@@ -3,8 +3,10 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
+    from optics.light.analysis.bypassing_light import PastLight, light_past_elements
     from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE, nonsequential_light
     from optics.light.analysis.judgement import (
+        PICTURE_REL_L2,
         Verdict,
         counted_ways,
         dark_note,
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
         error_words,
         judged,
         loss_notes,
+        past_notes,
         picture_limit,
         unjudged_note,
     )
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
     from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
     from optics.light.analysis.light_of_wavelengths import coloured, fringe
-    from optics.light.analysis.light_past_elements import PastLight, light_past_elements
     from optics.light.analysis.metrics import (
         Measurement,
         contrast_error,

@@ -259,13 +259,13 @@ def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
         for name, some in fates.items()
         if name != "on_target" and not name.endswith("reflected") and some > WORTH_A_NOTE * flux
     ]
-    return lost + _past_notes(metrics)
+    return lost + past_notes(metrics)
 
 
-def _past_notes(metrics: dict[str, Any]) -> list[str]:
+def past_notes(metrics: dict[str, Any]) -> list[str]:
     """Return a sentence where light on the target misses an element, with what would stop it."""
     past = metrics.get("past_elements")
-    if past is None:
+    if not past:
         return []
     missed = " and ".join("the lens" if name == "lens" else name for name in past["missed"])
     held = " ".join(f"--set {change}" for change in past["holders"])

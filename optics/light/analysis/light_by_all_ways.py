@@ -9,6 +9,7 @@ from math import ceil
 from operator import add
 
 from optics.base.runtime import Backend
+from optics.light.analysis.bypassing_light import PastLight, light_past_elements
 from optics.light.analysis.closed_lens_light import (
     NEGLIGIBLE,
     REPLICATES as OTHER_REPLICATES,
@@ -20,7 +21,6 @@ from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import MOST_RAYS, ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import SpectralLight, light_of_plate
-from optics.light.analysis.light_past_elements import PastLight, light_past_elements
 from optics.light.analysis.photometric_metrics import uniformity_metrics
 from optics.light.measuring import light_axes
 from optics.light.tracing import SequentialFates
