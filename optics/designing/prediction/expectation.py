@@ -22,6 +22,7 @@ from optics.designing.prediction.freedom_note import (
 from optics.designing.prediction.sensitivity import Sensitivity, sensitivity
 from optics.designing.prediction.start_light import blocking, light_before
 from optics.designing.starts import STEEP, RearLight, TransportStart
+from optics.light.analysis import light_past_elements, past_notes
 from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.system import OpticalSystem, volume_of_made
@@ -37,6 +38,9 @@ COARSE = 1.5
 WIDE = 2.8  # pixels, of the Gaussian that takes the detail of a picture away
 SCALE, POWER = 0.092, 0.27
 JUMP = 1e-3  # of the norm: smaller jumps between pixels are none
+LEAST_ERROR = 0.01  # smaller predictions say no more than that
+FARTHEST = 10.0  # times a predicted rel_l2: starts that are worse do not tell where a design ends
+TAKEN = 5e-4  # of the light: stops and bodies that take more change what a design can reach
 SAMPLES = 129  # of the surfaces in each direction, for the lens's depth
 
 
@@ -59,8 +63,11 @@ class Expectation:
     from_transport : the design starts from the whole transport map.
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
         cuts it off, where rays spread in the lens, on a target that does not lie across the axis, of textures
-        on a mesh that is coarse for their pixels, and where pictures of several lenses are displaced.
-    start_rel_l2 : of the transport start, None where the source has extent.
+        on a mesh that is coarse for their pixels, where pictures of several lenses are displaced, where stops
+        or bodies take part of the light or some passes by elements, and of a start that is FARTHEST times
+        worse.
+    start_rel_l2 : of the light of the transport start along the path, None where the source has extent.
+    past : the sentence on light that passes by elements on its way to the target, or "".
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
     """
@@ -85,6 +92,7 @@ class Expectation:
     from_transport: bool
     rel_l2: float | None
     start_rel_l2: float | None
+    past: str
     seconds: float
     memory_mb: float
     sensitivity: Sensitivity
@@ -124,6 +132,10 @@ def expected(
     light, _ = start.rear_slopes()
     net, pixel = _net(system, start.half_lit, light), max(system.target.screen().pitch)
     fine = net <= COARSE * pixel or system.target.uniform_region is not None
+    past = light_past_elements(system, lens, fates, system.target.screen(coarsening), backend)
+    shares = past.shares(fates.on_target + past.light.on_target, flux) if past and past.missed else None
+    past_sentences = past_notes({"past_elements": shares})
+    undisturbed = fates.blocked < TAKEN * flux and not past_sentences
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
     shape = lens if mapped else system.lens
     count, more = volume_of_made(optic, shape)
@@ -150,10 +162,11 @@ def expected(
         net=net,
         blur=_blur(system, lens, backend),
         from_transport=from_transport,
-        rel_l2=predicted_rel_l2(start.lit, error)
-        if error and from_transport and start.within(fit) and fine and _is_known(system)
+        rel_l2=_likely(predicted_rel_l2(start.lit, error), error)
+        if error and from_transport and start.within(fit) and fine and _is_known(system) and undisturbed
         else None,
         start_rel_l2=error,
+        past=past_sentences[0] if past_sentences else "",
         seconds=seconds,
         memory_mb=memory,
         sensitivity=sensitivity(system.shaping, lens, backend),
@@ -195,6 +208,11 @@ def predicted_rel_l2(target: Floats, start_error: float) -> float:
     if jumps <= JUMP * norm:
         return 0.0
     return float(min(SCALE * fine / jumps * start_error**POWER, start_error))
+
+
+def _likely(predicted: float, start_error: float) -> float | None:
+    """Return a predicted rel_l2; None of a start that is so much worse that it tells nothing."""
+    return predicted if start_error <= FARTHEST * max(predicted, LEAST_ERROR) else None
 
 
 def _is_known(system: OpticalSystem) -> bool:

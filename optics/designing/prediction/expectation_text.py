@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isinf
 
 from optics.base.runtime import plain_number
-from optics.designing.prediction.expectation import COARSE, Expectation
+from optics.designing.prediction.expectation import COARSE, LEAST_ERROR, TAKEN, Expectation
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.designing.starts import INSIDE
 from optics.light.outgoing import concentration_sentence
@@ -13,7 +13,6 @@ from optics.scene.system import OpticalSystem
 
 FULL = 0.999  # of a face: light that misses it does not tell how far beside it
 MAPPED, SAME = "by the transport map's surface, where this design does not start", "by that surface"
-LEAST_ERROR = 0.01  # smaller predictions say no more than that
 MM3_PER_CM3 = 1000
 NET = "a knot span of the finest mesh"
 
@@ -100,16 +99,28 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if whose:
         return f"rel_l2: not predicted for a plate, whose pictures are displaced; {start}"
+    if expected.blocked >= TAKEN:
+        taken = f"{_takes(expected)} {expected.blocked:.1%} of the light"
+        return f"rel_l2: not predicted, since {' and '.join(expected.blocking)} {taken}; {start}"
+    if expected.past:
+        return f"rel_l2: not predicted, since light passes by elements on its way to the target; {start}"
     if expected.rel_l2 is None:
         where = "where rays spread in the lens" if system.axial else "off the axis, or on a curve"
         across = system.parallel and system.target.receiver.across_axis
         if across and expected.net > COARSE * expected.pixel:
             where = "on a mesh so much coarser than the pixels; a higher freeform.max_level makes it finer"
+        elif across:
+            where = "from a start so far from the light asked for"
         return f"rel_l2: not predicted {where}; {start}"
     if system.target.settings.kind == "image" and expected.rel_l2 >= LEAST_ERROR:
         basis = "by a regression that holds within 1.5 times for 18 of 20 pictures after 72 iterations"
         return f"rel_l2: about {expected.rel_l2:.2g}, {basis}; {start}"
     return f"rel_l2: below {max(expected.rel_l2, LEAST_ERROR):.2g}; {start}"
+
+
+def _takes(expected: Expectation) -> str:
+    """Return the verb of what blocks light."""
+    return "take" if len(expected.blocking) > 1 else "takes"
 
 
 def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:

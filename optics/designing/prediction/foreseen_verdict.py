@@ -11,8 +11,8 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.designing.prediction.blurred_picture import BlurLimits, wider_picture
 from optics.designing.prediction.displaced_pictures import DisplacedLimits
-from optics.designing.prediction.expectation import Expectation
-from optics.light.analysis import contrast_error, picture_limit
+from optics.designing.prediction.expectation import TAKEN, Expectation
+from optics.light.analysis import PICTURE_REL_L2, contrast_error, picture_limit
 from optics.light.blur import spot_rms
 from optics.scene.photometry import uniformity
 from optics.scene.system import OpticalSystem
@@ -53,6 +53,13 @@ def foreseen_misses(
             f"{MAY}: {expected.efficiency:.0%} of the source's light reach the target at the start of the "
             f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
             f"{_aside(system)}"
+        )
+    if expected.past:
+        sentences.append(f"{MAY}: {expected.past}")
+    if expected.blocked >= TAKEN and (expected.start_rel_l2 or 0.0) > PICTURE_REL_L2:
+        sentences.append(
+            f"{MAY}: {expected.blocked:.0%} of the light is blocked by {' and '.join(expected.blocking)}, of "
+            f"which the start of the design knows nothing; its rel_l2 is {expected.start_rel_l2:.2g}"
         )
     if expected.refused:
         sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")

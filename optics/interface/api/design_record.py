@@ -28,6 +28,7 @@ from optics.light.analysis import (
     loss_notes,
     measure,
     passing_share,
+    unjudged_note,
 )
 from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem
@@ -118,7 +119,7 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         metrics["rel_l2_one_blur"] = limits.least
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
-    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics)]:
+    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged_note(metrics)]:
         notes(sentence)
     if not metrics["efficiency"]:
         notes(f"no light reaches the target; {_towards_light(metrics[system.units.key('fates')])}")

@@ -3,8 +3,10 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
+    from optics.light.analysis.bypassing_light import PastLight, light_past_elements
     from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE, nonsequential_light
     from optics.light.analysis.judgement import (
+        PICTURE_REL_L2,
         WHAT_HELPS,
         Verdict,
         counted_ways,
@@ -13,7 +15,9 @@ if TYPE_CHECKING:
         error_words,
         judged,
         loss_notes,
+        past_notes,
         picture_limit,
+        unjudged_note,
     )
     from optics.light.analysis.lens_trace import (
         conservation,

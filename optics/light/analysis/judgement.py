@@ -13,18 +13,19 @@ from math import inf, isinf
 from typing import Any
 
 from optics.base.runtime import RESOLVED, Check, Grade, grade
+from optics.light.analysis.light_of_rays import pixels_for
 from optics.light.tracing import fate_sentences
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
 WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
 FEWER_DARK = "optimizer.dark_flux_weight, raised, trades evenness for less of it"
-MORE_RAYS = "more target.pixels are measured by more rays"
 WHAT_HELPS = (
     "a smaller source, a larger lens, a farther or larger target, softer edges, a second free surface or a "
     "higher max_level may help"
 )
-LONGER_FILE = "source.file has no more"
+UNJUDGED = "--set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf judges without it"
+BEYOND = "the light goes on beyond the target; make target.half_width larger"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 LIT_NAME = "light on the lit region, of the source's"
@@ -63,6 +64,7 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     """
     return [
         *_zone_checks(metrics),
+        *_beam_checks(metrics, limits),
         *_uniformity_checks(metrics, limits),
         *_picture_and_flux_checks(metrics, limits),
     ]
@@ -88,8 +90,9 @@ def _zone_checks(metrics: dict[str, Any]) -> Iterator[Check]:
 
 
 def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    """Yield the checks of uniform light; only one where its uniformity is not known, with the reason."""
     uniformity = metrics.get("uniformity")
-    if uniformity is None:
+    if uniformity is None or uniformity.get("few_pixels"):
         return
     symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
@@ -101,20 +104,40 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         if (at_least and not limit) or isinf(limit):
             continue
         value, error = uniformity[key], uniformity[f"{key}_error"]
-        remark = _unless_resolved(metrics, value, error, limit) or _why_unknown(metrics, uniformity)
+        if value is None:
+            yield Check(
+                "uniformity", None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
+            )
+            return
+        remark = _unless_resolved(metrics, value, error, limit)
         yield Check(name, value, limit, "", at_least, error, "light", remark)
 
 
 def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
-    """Return why there is no uniformity, and how many rays would tell it; "" where there is."""
-    rays, noise = metrics.get("rays"), uniformity.get("noise", 0.0)
-    if uniformity["min_over_mean"] is None and rays and noise > NOISE:
-        wanted = rays * (noise / NOISE) ** 2
-        return (
-            f"{uniformity['reason']}; about {wanted:.1e} rays in place of {rays:.1e} would tell: "
-            f"{_more_rays(metrics)}"
-        )
-    return str(uniformity["reason"])
+    """Return why there is no uniformity, and an option that gives one or takes its limits off."""
+    noise = uniformity.get("noise", 0.0)
+    if metrics.get("rays") and noise > NOISE:
+        more = _more_rays(metrics, (noise / NOISE) ** 2)
+        return f"{uniformity['reason']}; {more}, or {UNJUDGED}"
+    return f"{uniformity['reason']}; or {UNJUDGED}"
+
+
+def _beam_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+    """Yield the checks of the angles of a beam in both of its planes."""
+    beam = metrics.get("beam")
+    for name in ("beam_angle", "field_angle"):
+        least, greatest = getattr(limits, name)
+        if beam is None or not (least or greatest < inf):
+            continue
+        for plane, planes in (("c0", "C0-C180"), ("c90", "C90-C270")):
+            value, error = beam[f"{name}_{plane}"], beam.get(f"{name}_{plane}_error", 0.0)
+            at_least = bool(least) and (
+                isinf(greatest) or (value is not None and 2 * value < least + greatest)
+            )
+            remark = BEYOND if value is None else ""
+            limit = least if at_least else greatest
+            called = f"{name.replace('_', ' ')} in {planes}"
+            yield Check(called, value, limit, "degrees", at_least, error, "light", remark)
 
 
 def _picture_and_flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
@@ -139,14 +162,22 @@ def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float,
     if value is None or not rays or not error or gap > RESOLVED * error:
         return ""
     if not gap:
-        return "no number of rays tells a value from its limit that equals it"
-    wanted = rays * (RESOLVED * error / gap) ** 2
-    return f"about {wanted:.1e} rays in place of {rays:.1e} would decide: {_more_rays(metrics)}"
+        return "the value equals its limit; more rays cannot decide"
+    return _more_rays(metrics, (RESOLVED * error / gap) ** 2)
 
 
-def _more_rays(metrics: dict[str, Any]) -> str:
-    """Return where more rays come from."""
-    return LONGER_FILE if "rays_of_file" in metrics else MORE_RAYS
+def _more_rays(metrics: dict[str, Any], factor: float) -> str:
+    """Return what measures light by a multiple of its rays, as an option to copy."""
+    rays, pixels = metrics["rays"], metrics.get("pixels")
+    wanted = f"about {rays * factor:.1e} rays in place of {rays:.1e} would decide"
+    if "rays_of_file" in metrics:
+        return f"{wanted}: source.file has no more"
+    if pixels is None:  # of an older result
+        return f"{wanted}: more target.pixels are measured by more rays"
+    finer = pixels_for(rays * factor, pixels)
+    if finer is None:
+        return f"{wanted}, which is more than any target.pixels bring"
+    return f"{wanted}: --set target.pixels=[{finer[0]},{finer[1]}]"
 
 
 def judged(
@@ -170,10 +201,11 @@ def judged(
         "file or part fails": "the file, the part or a limit of making fails",
         "not decided": "not decided",
     }[found]
-    sentence = f"{headline(metrics) if requested else arrival(metrics)}: {says}"
+    sentence = f"{headline(metrics, checks) if requested else arrival(metrics)}: {says}"
     if found != "made":
         more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
-        sentence += f": {rows[0].name} {rows[0].got} ({rows[0].wanted}){more}"
+        why = rows[0].remark if rows[0].value is None else rows[0].wanted
+        sentence += f": {rows[0].name} {rows[0].got} ({why}){more}"
     if found == "light misses" and (excuse := _excuse(metrics, rows)):
         sentence += f"; {excuse}"
     return Verdict(found, sentence, tuple(checks), tuple(notes))
@@ -184,16 +216,29 @@ def arrival(metrics: dict[str, Any]) -> str:
     return f"{metrics['efficiency']:.1%} of the light arrives on the target"
 
 
-def headline(metrics: dict[str, Any]) -> str:
-    """Return the numbers that tell most of the light, in words."""
+def headline(metrics: dict[str, Any], checks: Sequence[Check] = ()) -> str:
+    """Return the numbers that tell most of the light, in words: first those that are judged."""
     if zones := metrics.get("zones"):
         margins = [row["margin"] for row in zones]
         return f"{sum(m >= 0 for m in margins)} of {len(zones)} rows kept, least margin {min(margins):+.0%}"
+    names = {check.name for check in checks}
+    uniformity, beam = metrics.get("uniformity") or {}, metrics.get("beam") or {}
+    judged_numbers = [
+        f"{name.replace('_', ' ')} {beam[f'{name}_c0']:.3g} x {beam[f'{name}_c90']:.3g} degrees"
+        for name in ("beam_angle", "field_angle")
+        if any(called.startswith(name.replace("_", " ")) for called in names)
+        and None not in (beam[f"{name}_c0"], beam[f"{name}_c90"])
+    ]
     off = f"{error_words(metrics)} off"
-    uniformity = metrics.get("uniformity")
-    if uniformity is None or uniformity["min_over_mean"] is None:
+    if names & {ERROR_NAME, CONTRAST_NAME}:
+        judged_numbers.append(off)
+    if uniformity.get("min_over_mean") is not None:
+        judged_numbers.append(f"U0 {uniformity['min_over_mean']:.2f}")
+    if not judged_numbers and uniformity and LIT_NAME in names:
+        judged_numbers.append(f"{metrics['lit_efficiency']:.0%} of the source's light on the lit region")
+    if not judged_numbers:
         return off
-    return f"{off}, U0 {uniformity['min_over_mean']:.2f}"
+    return ", ".join(judged_numbers) + (f" ({off})" if off not in judged_numbers else "")
 
 
 def error_words(metrics: dict[str, Any]) -> str:
@@ -216,14 +261,38 @@ def _excuse(metrics: dict[str, Any], missed: Sequence[Check]) -> str:
 
 
 def loss_notes(metrics: dict[str, Any], units: Units) -> list[str]:
-    """Return a sentence for every way on which much of the source flux is lost."""
+    """Return a sentence for every way on which much of the source flux is lost, and on light that passes by
+    elements on its way to the target."""
     fates = metrics[units.key("fates")]
     flux, sentences = sum(map(abs, fates.values())), fate_sentences(fates)
-    return [
+    lost = [
         f"{some / flux:.0%} of the light {sentences[name]}"
         for name, some in fates.items()
         if name != "on_target" and not name.endswith("reflected") and some > WORTH_A_NOTE * flux
     ]
+    return lost + past_notes(metrics)
+
+
+def past_notes(metrics: dict[str, Any]) -> list[str]:
+    """Return a sentence where light on the target misses an element, with what would stop it."""
+    past = metrics.get("past_elements")
+    if not past:
+        return []
+    missed = " and ".join("the lens" if name == "lens" else name for name in past["missed"])
+    held = " ".join(f"--set {change}" for change in past["holders"])
+    return [
+        f"{100 * past['share_of_target']:.2g} % of the light on the target passes beside {missed}; if an "
+        f"opaque holder stops it, say so by {held} or a [[stop]]; else make {missed} larger, or the beam "
+        "narrower"
+    ]
+
+
+def unjudged_note(metrics: dict[str, Any]) -> list[str]:
+    """Return a sentence where the uniformity of even light is not judged, since its region has few pixels."""
+    uniformity = metrics.get("uniformity") or {}
+    if not uniformity.get("few_pixels"):
+        return []
+    return [f"uniformity is not judged: {uniformity['reason']}"]
 
 
 def dark_note(metrics: dict[str, Any]) -> list[str]:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import reduce
-from math import isqrt
+from math import ceil, isqrt, sqrt
 from operator import add
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
+from optics.scene.problem import MAX_PIXELS
 from optics.scene.receivers import BoxWindow, Screen, with_mirror_images
 from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
@@ -48,7 +50,7 @@ def ray_irradiance(
     def replicates() -> Iterator[tuple[Floats, float, float]]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
             half = (mirror_half(part, axes) if isinstance(part, Rays) else part for part in parts)
-            image, by_fate = _trace(path, system.slope_rms, screen, half, rng, backend)
+            image, by_fate = light_of_parts(path, system.slope_rms, screen, half, rng, backend)
             fates.append(by_fate * 2 ** len(axes))
             yield with_mirror_images(image, axes), fates[-1].on_target, fates[-1].off_target
 
@@ -62,15 +64,25 @@ def ray_count(screen: Screen) -> int:
     return max(LEAST_PER_PIXEL * pixels, min(RAYS_PER_PIXEL * pixels, MOST_RAYS))
 
 
-def ray_numbers(source: LightSource, screen: Screen) -> dict[str, int]:
-    """Return about how many rays measure the light, and how many a ray file has where it has no more."""
-    wanted = ray_count(screen)
+def pixels_for(rays: float, pixels: Sequence[int]) -> tuple[int, int] | None:
+    """Return columns and rows of pixels, in proportion, that `ray_count` measures by so many rays.
+
+    None where the problem file takes no so many pixels.
+    """
+    wanted = rays / (RAYS_PER_PIXEL if rays <= MOST_RAYS else LEAST_PER_PIXEL)
+    columns, rows = (ceil(n * sqrt(wanted / (pixels[0] * pixels[1]))) for n in pixels)
+    return (columns, rows) if max(columns, rows) <= MAX_PIXELS else None
+
+
+def ray_numbers(source: LightSource, screen: Screen, wanted: int) -> dict[str, Any]:
+    """Return about how many rays measure the light, on which pixels, and how many a ray file has where it has
+    no more.  wanted : rays that were asked for."""
     if source.most_rays > wanted:
-        return {"rays": wanted}
+        return {"rays": wanted, "pixels": list(screen.pixels)}
     return {"rays": int(source.most_rays), "rays_of_file": int(source.most_rays)}
 
 
-def _trace(
+def light_of_parts(
     path: LightPath,
     slope_rms: Sequence[float],
     screen: Screen,
@@ -78,7 +90,10 @@ def _trace(
     fresh: np.random.Generator,
     backend: Backend,
 ) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance, flux by fate) of rays, traced in parts."""
+    """Return (irradiance (rows, columns), flux by fate) of rays, traced in parts.
+
+    slope_rms, fresh : as of `traced_parts`.
+    """
     splat = Splat(backend, screen, BoxWindow())
     image: DrArray = 0.0
     fates = []

@@ -7,29 +7,24 @@ followed on all non-sequential paths through the closed lens (`nonsequential_lig
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
+from operator import add
 from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import NEGLIGIBLE, OtherLight, nonsequential_light
+from optics.light.analysis.closed_lens_light import OtherLight
 from optics.light.analysis.judgement import Verdict, delivery_checks, judged
+from optics.light.analysis.light_by_all_ways import all_light, estimate_of, estimator_of, more_rays
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import grid_irradiance
-from optics.light.analysis.light_of_rays import ray_count, ray_irradiance, ray_numbers
-from optics.light.analysis.light_of_wavelengths import (
-    colour_metrics,
-    light_of_plate,
-    spectral_light,
-)
+from optics.light.analysis.light_of_rays import ray_count, ray_numbers
+from optics.light.analysis.light_of_wavelengths import colour_metrics, light_of_plate, spectral_light
 from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
 from optics.light.blur import spot_rms
-from optics.light.measuring import light_axes
-from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
@@ -79,21 +74,17 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
-    not negligible, and `rel_l2_sequential` is what front and rear alone make.  `error_of_rel_l2` says what
+    not negligible, and so is light that misses an element and goes on to the target.  `rel_l2_sequential` is
+    what front and rear alone make.  `error_of_rel_l2` says what
     the estimate's own error does to rel_l2.
     """
     system = system.with_all_sources
-    screen, path, estimator = system.target.screen(), system.shaded_path(lens), _estimator(system)
-    estimate = _estimate(estimator, system, lens)
-    spectral = light_of_plate(system, path, screen, backend, estimate)
-    direct, fates = spectral.estimate, spectral.fates
-    # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
-    beside = system.body is not None or fates.missed_rear > NEGLIGIBLE * system.problem.flux
-    by_edges = system.by_edges and (not system.source.collimated or beside)
-    other = nonsequential_light(system, lens, screen, backend) if by_edges else None
-    all_ways = other is not None and not other.negligible
-    all_light = direct + other.light if other else direct
-    light = all_light if all_ways else direct
+    screen, path, estimator = system.target.screen(), system.shaded_path(lens), estimator_of(system)
+    blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
+    found = all_light(system, lens, screen, backend)
+    if (more := more_rays(system, found, screen, blur)) > 1:
+        found = all_light(system, lens, screen, backend, more)
+    light, direct, fates = found.light, found.direct.estimate, found.direct.fates
     shown = screen.projection()  # in the far field intensities are compared
     # a target at any scale is compared, also with no light
     target = system.target.irradiance(screen, light.on_target + light.off_target or 1.0) / shown
@@ -104,32 +95,34 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     sequential = direct.over(shown).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
-    metrics["paths"] = "all" if all_ways else "sequential"
+    metrics["paths"] = "all" if found.all_ways else "sequential"
     metrics["estimator"] = estimator
     if system.reflects:
         metrics["element"] = "mirror"
     if estimator == "rays":
-        metrics |= ray_numbers(system.source, screen)
+        metrics |= ray_numbers(system.source, screen, found.rays)
     metrics["efficiency"] = light.on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
     lit_error = max(screen.pixel_area * light.error_of_sum(target > 0), light.off_error)
     metrics["lit_efficiency_error"] = lit_error / flux
     # beside the target the light of other ways counts where it is known, however little falls on it
-    metrics["stray"] = max(all_light.off_target, 0.0) / flux
-    metrics["stray_error"] = all_light.off_error / flux
-    blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
+    metrics["stray"] = max(found.everywhere.off_target, 0.0) / flux
+    metrics["stray_error"] = found.everywhere.off_error / flux
     metrics |= photometric_metrics(system, screen, light.over(shown), blur)
-    metrics |= _zones(system, path, lens, light, other.light if other and all_ways else None, backend)
+    metrics |= _zones(system, path, lens, light, found.added, backend)
     metrics[system.units.key("fates")] = fates.by_name
-    if other:
-        metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, other)
+    if found.past and found.past.missed:
+        metrics["past_elements"] = found.past.shares(light.on_target, flux)
+    if found.other:
+        metrics["nonsequential"] = _by_other_ways(system, screen, target, direct, found.other)
     sharp = colour = None
     if estimator == "beams":
         clear = light_of_plate(system.sharp, path, screen, backend, grid_irradiance)
         sharp = clear.estimate.irradiance / shown
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
-    if spectral.colour is not None:
-        colour = spectral.colour / shown
+    if found.direct.colour is not None:
+        colour = found.direct.colour / shown
+        estimate = estimate_of(estimator, system, lens)
         one = light_of_plate(system, path, screen, backend, estimate, alone=True)
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
@@ -141,24 +134,24 @@ def _zones(
     path: LightPath,
     lens: Lens,
     light: LightEstimate,
-    other: LightEstimate | None,
+    added: Sequence[LightEstimate],
     backend: Backend,
 ) -> dict[str, Any]:
     """Return the metrics of the target's zones.  Light that may have details within pixels is measured once
     more, on finer ones; that of a blur which is wider than a pixel has none.
 
-    light : on the target's pixels.  other : of it, what came by other ways than along the path.
+    light : on the target's pixels.  added : of it, what came by other ways than along the path.
     """
-    screen, fine, estimator = system.target.screen(), system.target.zone_screen, _estimator(system)
+    screen, fine, estimator = system.target.screen(), system.target.zone_screen, estimator_of(system)
     if fine != screen and estimator == "beams" and spot_rms(system, lens, backend) > max(screen.pitch):
         fine = screen
     if fine != screen:
-        estimate = _estimate(estimator, system, lens)
+        estimate = estimate_of(estimator, system, lens)
         if estimator == "rays":  # as many in an aperture as in a pixel
             count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
             estimate = partial(estimate, count=max(count, ray_count(screen)))
         light = light_of_plate(system, path, fine, backend, estimate).estimate
-        light = light + other.finer(fine) if other else light
+        light = reduce(add, (each.finer(fine) for each in added), light)
     shown = fine.projection()
     return zone_metrics(system, fine, light.over(shown))
 
@@ -180,22 +173,8 @@ def _by_other_ways(
 def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
     """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
     screen, path = system.target.screen(), system.shaded_path(lens)
-    light = spectral_light(system, path, screen, backend, _estimate(_estimator(system), system, lens))
+    light = spectral_light(system, path, screen, backend, estimate_of(estimator_of(system), system, lens))
     return light.estimate.irradiance / screen.projection()
-
-
-def _estimate(
-    estimator: str, system: OpticalSystem, lens: Lens
-) -> Callable[..., tuple[LightEstimate, SequentialFates]]:
-    """Return how the light of a lens is estimated; of symmetric light half of the rays do."""
-    if estimator == "rays":
-        return partial(ray_irradiance, axes=light_axes(system, lens))
-    return ESTIMATES[estimator]
-
-
-def _estimator(system: OpticalSystem) -> str:
-    """Return how light is measured: by beams of cells for all that blurs it, or by rays."""
-    return "beams" if system.blurred else "rays" if system.source.extended else "cells"
 
 
 def _lit(irradiance: Floats, target: Floats, screen: Screen) -> float:
@@ -287,6 +266,3 @@ def unit_mean(image: Floats) -> Floats:
 def dark_fraction(target: Floats) -> float:
     """Return the fraction of pixels with at most DARK of the greatest irradiance."""
     return float((target <= DARK * target.max()).mean())
-
-
-ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance}

@@ -30,7 +30,7 @@ def photometric_metrics(
     """
     density, irradiance = system.density, light.irradiance
     if system.target.far_field:
-        found: dict[str, Any] = {"beam": _beam(system, screen, irradiance)}
+        found: dict[str, Any] = {"beam": _beam(system, screen, irradiance, light.error)}
     else:
         mean = float(np.average(irradiance, weights=screen.projection()))
         found = {f"target_mean_{density.suffix}": density.factor * mean}
@@ -91,6 +91,7 @@ def uniformity_metrics(
     mean = float(np.average(irradiance[lit], weights=areas[lit])) if lit.any() else 0.0
     return {
         **{key: getattr(found, key) for key in JUDGED},
+        **({"few_pixels": True} if found.few_pixels else {}),
         f"lit_mean_{density.suffix}": density.factor * mean,
         "grid": found.grid,
         f"box_{unit}": list(found.box),
@@ -102,17 +103,23 @@ def uniformity_metrics(
     }
 
 
-def _beam(system: OpticalSystem, screen: Screen, intensity: Floats) -> dict[str, float | None]:
-    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`."""
+def _beam(system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats) -> dict[str, float | None]:
+    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
+
+    intensity, error : (rows, columns); the error as a standard deviation.
+    """
     density, units = system.density, system.units
     peak = density.factor * float(intensity.max())
     found: dict[str, float | None] = {f"peak_{density.suffix}": peak}
     if units.luminous:
         found["peak_cd_per_klm"] = KILO * peak / system.problem.flux
-    curves = plane_curves(intensity, *screen.centres)
+    curves, errors = (plane_curves(light, *screen.centres) for light in (intensity, error))
     for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD)):
         for plane, curve in curves.items():
-            found[f"{angle}_{plane.partition('-')[0].lower()}"] = curve.width(share)
+            name = f"{angle}_{plane.partition('-')[0].lower()}"
+            found[name] = curve.width(share)
+            if found[name] is not None and error.any():
+                found[f"{name}_error"] = curve.error_of_width(share, errors[plane].intensity)
     return found
 
 

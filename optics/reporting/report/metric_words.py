@@ -36,6 +36,7 @@ WORDS = {
     "rel_l2_sequential": (PERCENT, "rel_l2 of the light from surface to surface only, without noise"),
     "contrast_error": (PERCENT, "||E - T|| / ||T - mean T|| of unit means, without noise; 100 of even light"),
     "rays": ("", "rays that measured the light, about"),
+    "pixels": ("", "columns and rows of the target on which these rays were counted"),
     "rays_of_file": ("", "rays that the source's file has: all of them measured the light"),
     "paths": ("", "light that counts: all ways through the lens, or from surface to surface only"),
     "estimator": ("", "what was traced: cells between rays, beams of such cells, or single rays"),
@@ -53,6 +54,11 @@ WORDS = {
     "element": ("", "what makes the light"),
     "reflectance": (PERCENT, "of the light that meets the mirror's face goes on, at any angle"),
     "by_other_ways": (PERCENT, "of the light on the target comes by other ways than front and rear"),
+    "missed": ("", "elements that light passes by on its way to the target"),
+    "holders": ("", "options that say that opaque holders stop this light"),
+    "share_of_target": (PERCENT, "of the light on the target passes by elements"),
+    "past_on_target": (PERCENT, "of the source flux passes by elements and arrives inside the target"),
+    "past_off_target": (PERCENT, "of the source flux passes by elements and misses the target"),
     "dof": ("", "degrees of freedom of the free surfaces"),
     "levels": ("", "levels of the finest mesh"),
     "evaluations": ("", "evaluations of loss and gradient"),
@@ -87,10 +93,15 @@ JUDGED = {
     },
     "peak_cd_per_klm": ("cd/klm", "intensity of the brightest pixel for 1000 lm of the source"),
     **{
-        f"{angle}_{plane.lower()}": ("degrees", f"full width at {share:.0%} of the peak, plane {plane}")
+        f"{angle}_{plane.lower()}{end}": ("degrees", meaning)
         for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD))
         for plane in ("C0", "C90")
+        for end, meaning in (
+            ("", f"full width at {share:.0%} of the peak, plane {plane}"),
+            ("_error", DEVIATION),
+        )
     },
+    "few_pixels": ("", "the region is too few pixels wide for a uniformity, which is not judged"),
 }
 
 
@@ -194,7 +205,8 @@ def key_numbers(metrics: dict[str, Any], units: Units) -> Iterator[tuple[str, st
     yield (
         "Stray light",
         f"{number_text(metrics['stray'], PERCENT)} %",
-        f"of the light of the source leaves the {metrics.get('element', 'lens')} and misses the target",
+        f"of the light of the source goes on, through the {metrics.get('element', 'lens')} or past it, and "
+        "misses the target",
     )
     mean = next((name for name in metrics if name.startswith("target_mean_")), None)
     if mean and not uniform:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import degrees, inf
@@ -213,6 +213,26 @@ class LightPath:
         """Return the path that nothing blocks: neither stops, nor bodies, nor a holder of the lens."""
         path = self._with(replace(s, clear=None) if s.clear else s for s in self.surfaces)
         return replace(path, stops=(), bodies=()) if path.stops or path.bodies else path
+
+    def past(self, surfaces: Collection[int]) -> LightPath:
+        """Return the path of light that misses some surfaces; their bodies stay in its way.
+
+        surfaces : the numbers of all surfaces of one or several elements.
+        """
+        kept = [k for k in range(len(self.surfaces)) if k not in surfaces]
+        if len(kept) == len(self.surfaces):
+            return self
+        number = {k: new for new, k in enumerate([*kept, len(self.surfaces)])}
+        bodies = tuple(
+            replace(
+                body,
+                faces={number[k]: face for k, face in body.faces.items() if k in number},
+                beside={number[k]: pose for k, pose in body.beside.items() if k in number},
+            )
+            for body in self.bodies
+        )
+        media = self.media[0], *(self.media[k + 1] for k in kept)
+        return replace(self, surfaces=tuple(self.surfaces[k] for k in kept), media=media, bodies=bodies)
 
     def held(self, clear: Mapping[int, Outline]) -> LightPath:
         """Return the path through surfaces of which a holder leaves at most these outlines free."""

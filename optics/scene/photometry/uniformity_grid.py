@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
+from math import ceil, hypot, sqrt
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -34,7 +34,7 @@ class Uniformity:
     """How uniform light is on boxes.
 
     mean : over the boxes, in the unit of the light.  min_over_mean (U0), min_over_max, rsd : None where
-        nothing can be said; the reason says why.
+        nothing can be said; the reason says why.  few_pixels : pixels are larger than the largest boxes.
     min_over_mean_error, min_over_max_error, rsd_error : of these, as standard deviations.
     grid : boxes in each direction.  box : width and height of those that count; larger than those of the grid
         where noise asks for it.  boxes : how many count.  left : share of the region that they cover.
@@ -55,6 +55,7 @@ class Uniformity:
     rsd: float | None = None
     rsd_error: float = 0.0
     reason: str = ""
+    few_pixels: bool = False
 
 
 def uniformity(
@@ -84,11 +85,14 @@ def uniformity(
         if found.reason or (wide and found.noise <= NOISE):
             return found
     boxes = f"boxes of {found.box[0]:.3g} x {found.box[1]:.3g}"
+    reason = f"the noise of {boxes} is {found.noise:.1%} of the mean"
     if not wide:
-        reason = f"{boxes} are smaller than a pixel of {pixel[0]:.3g} x {pixel[1]:.3g}; raise target.pixels"
-    else:
-        reason = f"the noise of {boxes} is {found.noise:.1%} of the mean"
-    return replace(found, min_over_mean=None, min_over_max=None, rsd=None, reason=reason)
+        finer = [max(n, ceil(n * p / b * (1 - 1e-9))) for n, p, b in zip(light.shape[::-1], pixel, found.box)]
+        reason = (
+            f"{boxes} are smaller than a pixel of {pixel[0]:.3g} x {pixel[1]:.3g}; "
+            f"--set target.pixels=[{finer[0]},{finer[1]}] has smaller ones"
+        )
+    return replace(found, min_over_mean=None, min_over_max=None, rsd=None, reason=reason, few_pixels=not wide)
 
 
 def _on_boxes(

@@ -30,6 +30,6 @@ if TYPE_CHECKING:
     )
     from optics.scene.problem.source_schema import SUN, OneSource, Source, SourceArray
     from optics.scene.problem.starting_problems import answered_problem, commented_problem
-    from optics.scene.problem.target_schema import StopSpec, Target, Zone
+    from optics.scene.problem.target_schema import MAX_PIXELS, StopSpec, Target, Zone
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

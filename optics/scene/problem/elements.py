@@ -109,7 +109,7 @@ class MirrorElement(Placed, Optic):
         (0.0, 0.0),
         low=0,
         high=LONGEST,
-        note="mm, half-widths of what a holder leaves free, shaped like the outline; 0 is all",
+        note="mm, half-widths of what an opaque holder leaves free, shaped like the outline; 0 is no holder",
     )
     face: Face = option()
 

@@ -286,8 +286,8 @@ class LensSpec(Optic):
         (0.0, 0.0),
         low=0,
         high=LONGEST,
-        note="mm, half-widths of what a holder leaves free of the larger surface, shaped like the outline, "
-        "and of the smaller in proportion; 0 is all",
+        note="mm, half-widths of what an opaque holder leaves free of the larger surface, shaped like the "
+        "outline, and of the smaller in proportion; 0 is no holder",
     )
     wall: str = option(
         "polished", choices=WALLS, note="what light does at the edges: Fresnel's law, or it ends there"

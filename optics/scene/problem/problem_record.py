@@ -31,7 +31,7 @@ from optics.scene.problem.required_optics import (
     require_stops,
 )
 from optics.scene.problem.required_sources import require_sources
-from optics.scene.problem.required_target import require_like_light, require_target
+from optics.scene.problem.required_target import require_angles, require_like_light, require_target
 from optics.scene.problem.run_schema import Export, Limits, Optimizer, Refinement, Run, Verify
 from optics.scene.problem.source_schema import Source
 from optics.scene.problem.target_schema import StopSpec, Target
@@ -226,6 +226,7 @@ def _require_partners(problem: Problem) -> None:
             raise UserError(str(error)) from None
     optic, spectrum = problem.optic, problem.source.spectrum
     require_target(problem.target)
+    require_angles(problem.verify, problem.target)
     if problem.target.zones and problem.source.unit != "lm":
         raise UserError(
             f"zones have limits in cd or lx, and source.unit is {problem.source.unit!r}; set it to "

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import inf, isinf, pi
 
 from optics.base.runtime import UserError
+from optics.scene.problem.run_schema import Verify
 from optics.scene.problem.target_schema import StopSpec, Target, Zone
 
 MOST_APERTURES = 2048  # across a target: zones are read in light that is measured on finer pixels
@@ -38,6 +39,24 @@ def require_target(target: Target) -> None:
             f"target.aperture = {target.aperture:g} is read on too many pixels; it must be at least "
             f"{least:.3g}, or target.half_width smaller"
         )
+
+
+def require_angles(limits: Verify, target: Target) -> None:
+    """Refuse limits of a beam's angles that no beam keeps, and such limits of light on a surface.
+
+    Raises UserError : names the key.
+    """
+    for key in ("beam_angle", "field_angle"):
+        least, greatest = pair = getattr(limits, key)
+        if least > greatest or isinf(least):
+            raise UserError(
+                f"verify.{key} must be [least, greatest] in degrees, such as [9, 11], got {list(pair)}"
+            )
+        if (least or greatest < inf) and not target.far_field:
+            raise UserError(
+                f"verify.{key} limits a beam in the far field, and this target is a surface; leave it out, "
+                "or set target.distance to inf"
+            )
 
 
 def require_like_light(target: Target, stops: Sequence[StopSpec]) -> None:

@@ -206,6 +206,16 @@ class Verify:
     stray: float = option(
         math.inf, above=0, infinite=True, note="greatest flux beside the target / flux of the source"
     )
+    beam_angle: tuple[float, float] = option(
+        (0.0, math.inf),
+        low=0,
+        infinite=True,
+        zero=True,
+        note="degrees, least and greatest full width at half of the peak, in the far field",
+    )
+    field_angle: tuple[float, float] = option(
+        (0.0, math.inf), low=0, infinite=True, zero=True, note="the same at a tenth of the peak"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -136,6 +136,11 @@ class LightSource(ABC):
         """Sentences about what is assumed of the light."""
         return []
 
+    @property
+    def whole(self) -> LightSource:
+        """The source with all of its rays: also those of a beam that pass by the first element."""
+        return self
+
     def starts(self) -> Floats | None:
         """Return points where light starts, of which none may lie in the lens, (3, n) mm.
 

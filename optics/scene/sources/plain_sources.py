@@ -114,6 +114,10 @@ class CollimatedBeam(AreaSource):
     def spread(self) -> Divergence:
         return self.divergence
 
+    @property
+    def whole(self) -> LightSource:
+        return replace(self, aperture=self.half_width)
+
     def without_extent(self) -> LightSource:
         return replace(self, divergence=PARALLEL) if self.extended else self
 

@@ -275,12 +275,13 @@ class OpticalSystem(Prescribed):
 
         A lens on the axis before a target across it has none in the way.
         """
-        path = self.path(lens)
-        if self.axial:
-            return path
+        return self.path(lens) if self.axial else self.crowded_path(lens)
+
+    def crowded_path(self, lens: Lens) -> LightPath:
+        """Return the path through a lens among all bodies, also where its own light cannot meet any."""
         bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
         emitted = -self.problem.source.distance if self.source.from_afar else -inf
-        return replace(path, bodies=bodies, emitted=emitted)
+        return replace(self.path(lens), bodies=bodies, emitted=emitted)
 
     @cached_property
     def parallel(self) -> bool:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import stages
-from optics.designing.prediction import expectation_lines, expected, resolved
+from optics.designing.prediction import expectation_lines, expected, foreseen_misses, resolved
 from optics.designing.prediction.cost import seconds_and_memory
-from optics.designing.prediction.expectation import COARSE, _size, predicted_rel_l2
+from optics.designing.prediction.expectation import COARSE, _likely, _size, predicted_rel_l2
 from optics.designing.prediction.sensitivity import sensitivity
 from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
@@ -263,3 +263,40 @@ def test_a_beam_that_fills_half_of_a_lens_starts_well_however_it_is_said(backend
     )
     found, _ = expected(OpticalSystem(problem.with_(**said)), backend)
     assert found.start_rel_l2 < 0.1
+
+
+FAST = {"target.pixels": [48, 48], "lens.rear.freeform.max_level": 1}
+HALF = {"shape": "rectangle", "half_width": [30, 60], "position": [30, 0, -1], "hole": False}
+SMALLER = {f"lens.{side}.half_width": [40, 40] for side in ("front", "rear")}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stop": [HALF]}, "stop.0 takes 50.0% of the light"),
+        ({"lens.clear_aperture": [25, 25]}, "the clear aperture takes 72.3% of the light"),
+        (SMALLER, "light passes by elements on its way to the target"),
+    ],
+)
+def test_no_error_is_predicted_where_a_stop_takes_light_or_some_passes_by_the_lens(changes, words, backend):
+    """The design of the first ends 83.8 % off, that of the second 36.3 %; of the last 1 - (40 / 47.5)^2 of
+    the beam passes beside the lens, which is 31 % of the light on the target after two losses of 4 %."""
+    system = example_system("tophat_square", FAST | changes)
+    found, _ = expected(system, backend)
+    assert found.rel_l2 is None
+    (line,) = [line for line in expectation_lines(system, found) if line.startswith("rel_l2")]
+    assert line.startswith(f"rel_l2: not predicted, since {words}; the start has ")
+    sentences = foreseen_misses(system, found, None, backend)
+    past = 1 - (40 / 47.5) ** 2
+    share = past / (past + 0.96**2 * (1 - past))
+    named = (
+        f"{100 * share:.2g} % of the light on the target" if changes is SMALLER else words.split(" takes")[0]
+    )
+    assert any(named in sentence for sentence in sentences)
+
+
+def test_a_start_ten_times_worse_than_what_is_predicted_predicts_nothing():
+    assert _likely(0.02, 0.19) == 0.02
+    assert _likely(0.02, 0.21) is None
+    assert _likely(0.0, 0.09) == 0.0
+    assert _likely(0.0, 0.11) is None

@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import Check, grade
-from optics.light.analysis import contrast_error, dark_note, delivery_checks, judged, loss_notes, rel_l2
+from optics.light.analysis import (
+    contrast_error,
+    dark_note,
+    delivery_checks,
+    judged,
+    loss_notes,
+    rel_l2,
+    unjudged_note,
+)
 from optics.scene.photometry import units_of
 from optics.scene.problem import Verify
 
@@ -120,19 +128,70 @@ def test_the_rays_are_named_that_would_decide():
     values = uniform(min_over_mean=0.71, min_over_mean_error=0.02, rays=10**6)
     verdict = judged(values, delivery_checks(values, Verify()), of_file=False)
     (open_one,) = [check for check in verdict.checks if check.result == "undecided"]
-    assert (
-        open_one.remark
-        == "about 1.6e+07 rays in place of 1.0e+06 would decide: more target.pixels are measured by more rays"
-    )
+    wanted = "about 1.6e+07 rays in place of 1.0e+06 would decide"
+    assert open_one.remark == f"{wanted}: more target.pixels are measured by more rays"
+    values |= {"rays": 10**6, "pixels": [60, 80]}
+    verdict = judged(values, delivery_checks(values, Verify()), of_file=False)
+    (open_one,) = [check for check in verdict.checks if check.result == "undecided"]
+    assert open_one.remark == f"{wanted}: --set target.pixels=[224,299]"  # 66976 pixels of 240 rays each
     assert "0.71 +- 0.02 (at least 0.7)" in verdict.sentence
 
 
 def test_uniformity_that_noise_hides_asks_for_pixels_that_bring_the_rays():
-    """Noise of 2 % wants 4 times the rays for 1 %."""
-    values = uniform(min_over_mean=None, noise=0.02, reason="noise", rays=10**6)
+    """Noise of 2 % wants 4 times the rays for 1 %: 16667 pixels of 240 rays each."""
+    values = uniform(min_over_mean=None, noise=0.02, reason="noise", rays=10**6, pixels=[64, 64])
     found = next(iter(delivery_checks(values, Verify())))
-    assert found.remark.startswith("noise; about 4.0e+06 rays in place of 1.0e+06 would tell")
-    assert "target.pixels" in found.remark
+    wanted = "about 4.0e+06 rays in place of 1.0e+06 would decide: --set target.pixels=[130,130]"
+    assert found.remark.startswith(f"noise; {wanted}, or --set verify.min_over_mean=0")
+
+
+def test_one_reason_why_there_is_no_uniformity_is_said_once_with_an_option_to_copy():
+    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="the blur is wide")
+    checks = delivery_checks(values, Verify())
+    assert [check.name for check in checks if check.value is None] == ["uniformity"]
+    assert str(judged(values, checks, of_file=False)) == (
+        "80% of the source's light on the lit region (30 % off): not decided: uniformity not known (the blur "
+        "is wide; or --set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf judges "
+        "without it)"
+    )
+
+
+def test_uniformity_of_a_few_pixels_is_not_judged_and_a_note_says_so():
+    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="few")
+    values["uniformity"]["few_pixels"] = True
+    assert graded(values) == "made"
+    assert unjudged_note(values) == ["uniformity is not judged: few"]
+    assert unjudged_note(uniform()) == unjudged_note(picture()) == []
+
+
+BEAM = {f"{name}_{plane}": 10.0 for name in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
+
+
+@pytest.mark.parametrize(
+    ("changes", "grade"),
+    [
+        ({}, "made"),
+        ({"beam_angle_c90": 11.1}, "light misses"),
+        ({"beam_angle_c0": 8.9}, "light misses"),
+        ({"beam_angle_c0": 10.9, "beam_angle_c0_error": 0.06}, "not decided"),
+        ({"beam_angle_c90": None}, "not decided"),
+        ({"field_angle_c0": 30.0}, "made"),
+    ],
+)
+def test_the_angles_of_a_beam_are_judged_in_both_planes(changes, grade):
+    values = uniform(beam=BEAM | changes)
+    assert graded(values, beam_angle=(9.0, 11.0)) == grade
+    assert graded(values) == "made"
+
+
+def test_the_verdict_begins_with_the_angles_where_they_are_judged():
+    values = uniform(beam=BEAM | {"beam_angle_c0": 9.4})
+    checks = delivery_checks(values, Verify(beam_angle=(9.0, 11.0)))
+    assert str(judged(values, checks, of_file=False)).startswith(
+        "beam angle 9.4 x 10 degrees, U0 0.90 (30 % off): "
+    )
+    checks = delivery_checks(values, Verify(rel_l2=0.4))
+    assert str(judged(values, checks, of_file=False)).startswith("30 % off, U0 0.90: ")
 
 
 def test_a_file_that_has_no_more_rays_is_not_asked_for_pixels():
@@ -186,7 +245,7 @@ def test_the_verdict_begins_with_the_numbers_and_names_the_first_check_that_deci
     )
     assert str(judged(picture(), [good], of_file=False)).endswith("the light asked for")
     assert str(judged(uniform(min_over_mean=0.31), [light, more])) == (
-        "30 % off, U0 0.31: the light misses what was asked for: b 0.3 (at most 0.2), and 1 more"
+        "U0 0.31 (30 % off): the light misses what was asked for: b 0.3 (at most 0.2), and 1 more"
     )
     assert str(judged(picture(rel_l2_error=0.004), [light, file])) == (
         "5 +- 0.4 % off: the file, the part or a limit of making fails: c 0.73 mm (at most 0.5)"

@@ -5,7 +5,7 @@ import pytest
 
 from optics.base.runtime import load_backend
 from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.analysis.light_of_rays import _trace
+from optics.light.analysis.light_of_rays import light_of_parts
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
@@ -68,7 +68,7 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
     def replicates():
         for _ in range(REPLICATES):
             parts = system.source.parts((SIDE, SIDE), rng)
-            image, fates = _trace(system.path(lens), system.slope_rms, screen, parts, rng, backend)
+            image, fates = light_of_parts(system.path(lens), system.slope_rms, screen, parts, rng, backend)
             yield image, fates.on_target, fates.off_target
 
     light = LightEstimate.of_replicates(replicates())

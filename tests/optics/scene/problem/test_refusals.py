@@ -304,3 +304,13 @@ def test_several_of_a_table_are_refused_with_the_table_to_write(tmp_path, table)
     text = toml_text(SMALL).replace(f"[{table}]", f"[[{table}]]", 1)
     with pytest.raises(UserError, match=rf"{table} must be a table, \[{table}\], and there is one; got \["):
         load_text(tmp_path, text)
+
+
+@pytest.mark.parametrize("key", ["beam_angle", "field_angle"])
+def test_the_angles_of_a_beam_are_a_range_in_the_far_field(tmp_path, key):
+    far = {"target.distance": math.inf, "target.half_width": [30.0, 30.0]}
+    assert f"verify.{key} limits a beam in the far field" in refused(tmp_path, {f"verify.{key}": [9.0, 11.0]})
+    turned = refused(tmp_path, far | {f"verify.{key}": [11.0, 9.0]})
+    assert turned == f"verify.{key} must be [least, greatest] in degrees, such as [9, 11], got [11.0, 9.0]"
+    problem = load_values(tmp_path, SMALL | far | {f"verify.{key}": [9.0, math.inf]})
+    assert getattr(problem.verify, key) == (9.0, math.inf)
