@@ -131,9 +131,12 @@ def bending_limits(lens: Lens, limits: Limits, fine: bool) -> list[Excess]:
     return found
 
 
-def curvature_range(limits: Limits, name: str, room: float) -> tuple[float, float]:
-    """Return the least and the greatest curvature towards +z of the front or rear that leave room below the
-    limits, 1/mm."""
+def curvature_range(limits: Limits, name: str, room: float = 0.0) -> tuple[float, float]:
+    """Return the least and the greatest curvature towards +z that the limits allow the front or the rear,
+    1/mm.
+
+    room : of the radii, that is left between them and the limits.
+    """
     either, hollow = (1 / (r * (1 + room)) if r else inf for r in (limits.radius, limits.concave_radius))
     if name == "front":
         return max(-either, -hollow), either
