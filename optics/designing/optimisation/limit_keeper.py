@@ -21,6 +21,7 @@ from math import ceil
 from optics.designing.optimisation.limited_shapes import BENDING, LimitedShapes, Sags
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.starts import TransportStart
+from optics.scene.limits import costs_light
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -41,7 +42,7 @@ class LimitKeeper:
     def __init__(
         self, system: OpticalSystem, lens: Lens, guide: TransportStart | None, note: Callable[[str], object]
     ) -> None:
-        self._note, self._wanted = note, system.sags(lens)
+        self._note, self._guided, self._wanted = note, guide is not None, system.sags(lens)
         if guide is not None:
             self._wanted = *self._wanted[:-1], guide.fit(self._wanted[-1].space).sag
         self._shapes = LimitedShapes(system, lens, guide.rear_slopes()[0] if guide else None)
@@ -72,7 +73,9 @@ class LimitKeeper:
                 shape = shape.tightened(_coefficients(sags))
                 found = minimised(found.search.begun_again(sags, shape), ceil(SHORTER * iterations), log)
                 sags = found.sags
-            return self._best(search, self._shapes.certified(sags, keys), keys, log), found
+            sags = self._best(search, self._shapes.certified(sags, keys), keys, log)
+            self._name_costs(search, sags, log)
+            return sags, found
         except KeyboardInterrupt:
             raise Interrupted(log.state(sags)) from None
 
@@ -140,6 +143,17 @@ class LimitKeeper:
                 "which the design takes"
             )
         return every[best]
+
+    def _name_costs(self, search: Search, sags: Sags, log: Log) -> None:
+        """Note which limits cost the light of the sags that are found, as the map's surface would make it."""
+
+        def misfit(sags: Sags) -> float:
+            log.evaluations += 1
+            return search.objective(_coefficients(sags)).fit
+
+        if self._guided and costs_light(misfit(sags), misfit(self._wanted)):
+            for cost in self._shapes.costs(self._wanted, misfit):
+                self._note(cost.sentence)
 
 
 def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:

@@ -7,7 +7,8 @@ Lagrangian (`ShapePenalty.tightened`), until the limits are kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,10 +26,10 @@ from optics.designing.penalties import (
 )
 from optics.designing.starts import RearLight
 from optics.light.measuring import symmetry_axes
-from optics.scene.limits import Miss, limit_misses
+from optics.scene.limits import LimitCost, Miss, limit_misses
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
-from thbcad.lens import Lens
+from thbcad.lens import Lens, radii_within
 from thbcad.surfaces import THBSurface
 
 Sags = tuple[THBSurface, ...]
@@ -45,6 +46,7 @@ STILL = 1e-9  # fall of a step, of the value at the start, that ends a pass
 SHARES = 1.0, 0.75, 0.5, 0.25, 0.0  # of the start's sags, the most that can be moved within the limits
 INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
+LIT = 0.1  # of the greatest weight, of cells that light meets
 BENDING = "radius", "concave_radius"
 
 
@@ -138,6 +140,35 @@ class LimitedShapes:
         )
         return [end for end in ends if penalty.cleared([sag.coefficients for sag in end])]
 
+    def costs(self, sags: Sags, misfit: Callable[[Sags], float]) -> list[LimitCost]:
+        """Return what every limit that surfaces miss costs the light alone, the greatest cost first.
+
+        misfit : called with sags, returns their rel_l2.
+        """
+        penalty, free, found = self.penalty(fine=False), misfit(sags), list[LimitCost]()
+        assert penalty is not None, "there are limits"
+        for miss in self._misses_where_lit(sags):
+            only = penalty.only((miss.key,))
+            conics = self.conics(sags, only) if miss.key in BENDING else None
+            near = [other for other in (conics, self.moved(sags, only, conics)) if other]
+            if near:
+                found.append(LimitCost(miss, min(map(misfit, near)), free))
+        return sorted((cost for cost in found if cost.counts), key=lambda cost: -cost.kept)
+
+    def _misses_where_lit(self, sags: Sags) -> list[Miss]:
+        """Return the limits that surfaces miss, one of each key; radii of curvature count where light goes."""
+        shaped, lens = self._system.with_sags(self._lens, sags)
+        found = dict[str, Miss]()
+        for miss in curable_misses(shaped, lens):
+            if miss.key in BENDING and self._light is not None and miss.surface == self._system.shaped:
+                concave, convex = radii_within(lens, miss.surface, _half_widths(self._light))
+                ends = [concave, *([convex] if miss.key == "radius" else [])]
+                short = max(0.0, miss.wanted - min(end.lower for end in ends))
+                miss = replace(miss, most=short, least=short)
+            if miss.most > found.get(miss.key, miss).least or miss.key not in found:
+                found[miss.key] = miss
+        return [miss for miss in found.values() if miss.most > 0]
+
     def certified(self, sags: Sags, keys: Sequence[str]) -> Sags:
         """Return sags moved within the certified limits of these keys; unchanged where that cannot be."""
         dense, found, rooms = self._dense.only(keys), sags, dict[str, float]()
@@ -196,6 +227,13 @@ def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
         for miss in limit_misses(problem.about(optic), limited_metrics(optic, shape, problem.limits))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
     ]
+
+
+def _half_widths(light: RearLight) -> tuple[float, float]:
+    """Return the half-widths of the rectangle that light meets."""
+    lit = light.weight > LIT * light.weight.max()
+    x, y = np.abs(light.x[lit.any(axis=1)]).max(), np.abs(light.y[lit.any(axis=0)]).max()
+    return float(x), float(y)
 
 
 def _heights(before: list[Floats], bounds: Sequence[float], penalty: ShapePenalty) -> Floats:

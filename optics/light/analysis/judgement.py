@@ -14,6 +14,7 @@ from typing import Any
 
 from optics.base.runtime import RESOLVED, Check, Grade, grade
 from optics.light.tracing import fate_sentences
+from optics.scene.limits import COSTS
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
@@ -168,7 +169,8 @@ def judged(
     if found != "made":
         more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
         sentence += f": {rows[0].name} {rows[0].got} ({rows[0].wanted}){more}"
-    if found == "light misses" and (excuse := _excuse(metrics, rows)):
+    named = (note for note in notes if COSTS in note)  # a limit of manufacture
+    if found == "light misses" and (excuse := _excuse(metrics, rows) or next(named, "")):
         sentence += f"; {excuse}"
     return Verdict(found, sentence, tuple(checks), tuple(notes))
 
