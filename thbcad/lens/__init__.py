@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         SurfaceMetrics,
         manufacturability,
         mass,
+        radii_within,
     )
     from .product import (
         LENS_SIDES,

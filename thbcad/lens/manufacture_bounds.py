@@ -171,6 +171,21 @@ def manufacturability(lens: Lens, density: float | None = None) -> Manufacturabi
     )
 
 
+def radii_within(lens: Lens, name: str, half_width: tuple[float, float]) -> tuple[Enclosure, Enclosure]:
+    """Return the least radii of curvature of the "front" or "rear", concave and convex as seen from the air,
+    over the part within half-widths, in mm.
+
+    The part has the shape of the outline.  Half-widths beyond the surface are cut to its own.
+    """
+    surface: FreeformSurface = getattr(lens, name)
+    graph = lens.graphs()[name == "rear"]
+    hx, hy = (min(part, whole) for part, whole in zip(half_width, surface.half_width))
+    if (hx, hy) != surface.half_width:
+        graph = segment(graph, [hx, hy])
+    radii = least_radii(graph, BENDING, surface.outline.scaled((hx, hy)))
+    return (radii.concave, radii.convex) if name == "rear" else (radii.convex, radii.concave)
+
+
 def _metrics(surface: FreeformSurface, graph: BSplineSurface, air_above: bool) -> SurfaceMetrics:
     outline = surface.outline
     radii = least_radii(graph, BENDING, outline)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         stage_window,
         window_named,
     )
+    from optics.designing.optimisation.limited_shapes import LimitedShapes
     from optics.designing.optimisation.loop import Listener, shape_lens, transmitted_flux
     from optics.designing.optimisation.objective import Objective
     from optics.designing.optimisation.re_aim import ROUNDS, re_aimed

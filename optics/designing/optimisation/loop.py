@@ -239,7 +239,7 @@ class _Run:
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         log.evaluations += PROBES
         try:
-            keeper = LimitKeeper(system, task.lens, listener.note)
+            keeper = LimitKeeper(system, task.lens, self.guide, listener.note)
             if last:
                 sags, found = keeper.minimised(search, stage.iterations, log)
             else:

@@ -3,6 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
+    from optics.designing.penalties.bending_limits import curvature_range
     from optics.designing.penalties.shape_loss import (
         ROOM,
         Part,
@@ -11,5 +12,6 @@ if TYPE_CHECKING:
         limited_part,
         shape_penalty,
     )
+    from optics.designing.penalties.slope_distance import SlopeDistance
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

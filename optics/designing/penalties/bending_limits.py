@@ -15,7 +15,7 @@ Source: M. do Carmo, Differential Geometry of Curves and Surfaces, section 3-3.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import radians, tan
+from math import inf, radians, tan
 
 import numpy as np
 
@@ -129,6 +129,18 @@ def bending_limits(lens: Lens, limits: Limits, fine: bool) -> list[Excess]:
         if limits.slope < 90:
             found.append(SlopeExcess(samples, limits.slope))
     return found
+
+
+def curvature_range(limits: Limits, name: str, room: float = 0.0) -> tuple[float, float]:
+    """Return the least and the greatest curvature towards +z that the limits allow the front or the rear,
+    1/mm.
+
+    room : of the radii, that is left between them and the limits.
+    """
+    either, hollow = (1 / (r * (1 + room)) if r else inf for r in (limits.radius, limits.concave_radius))
+    if name == "front":
+        return max(-either, -hollow), either
+    return -either, min(either, hollow)
 
 
 def _between(s: Matrix, a: Matrix) -> Matrix:

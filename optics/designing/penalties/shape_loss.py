@@ -5,8 +5,8 @@ With the Hessian D^2 of a sag s, h the larger half-width, and means over points 
     roughness    h^2 mean |D^2 s|^2                  the bending energy of a thin plate
     a limit      w mean max(0, g + shift)^2          g the relative excess over the limit, w = WEIGHT
 
-A shift is a Lagrange multiplier divided by 2 w, as in the augmented Lagrangian.  It begins as ROOM and
-follows the excess at a minimum.  Source: M. Powell, A method for nonlinear constraints in
+A shift is the room that is to be left, at first ROOM, and a Lagrange multiplier divided by 2 w, as in the
+augmented Lagrangian.  The multiplier begins as 0 and follows the excess at a minimum.  Source: M. Powell, A method for nonlinear constraints in
 minimization problems, in: R. Fletcher (ed.), Optimization, 1969.
 """
 
@@ -44,6 +44,7 @@ class ShapePenalty:
     ) -> None:
         self._embeddings = [s.sag.space.embedding for s in free if s.sag is not None]
         self._excesses, self._weight = excesses, WEIGHT
+        self._rooms = [ROOM] * len(excesses)
         self._shifts = [np.full(excess.mean.shape, ROOM) for excess in excesses]
         self._rough = [SurfaceSamples(s, k) for k, s in enumerate(free)] if roughness else []
         self._roughness = [roughness * max(s.half_width) ** 2 for s in free]
@@ -75,7 +76,7 @@ class ShapePenalty:
         """Return the penalty without those of other limits."""
         other, kept = copy(self), [k for k, e in enumerate(self._excesses) if e.key in keys]
         other._excesses = [self._excesses[k] for k in kept]
-        other._shifts = [self._shifts[k] for k in kept]
+        other._rooms, other._shifts = ([of[k] for k in kept] for of in (self._rooms, self._shifts))
         return other
 
     def exceeded(self, coefficients: Sequence[Floats]) -> bool:
@@ -84,9 +85,9 @@ class ShapePenalty:
         return any((_counted(e, nets, np.zeros_like(e.mean)) > 0).any() for e in self._excesses)
 
     def cleared(self, coefficients: Sequence[Floats]) -> bool:
-        """Return whether half of every shift, or more, is left between excess and limit."""
-        nets, pairs = self._nets(coefficients), zip(self._excesses, self._shifts)
-        return all((_counted(excess, nets, shift) <= shift / 2).all() for excess, shift in pairs)
+        """Return whether half of every room, or more, is left between excess and limit."""
+        nets, pairs = self._nets(coefficients), zip(self._excesses, self._rooms)
+        return all((_counted(e, nets, np.full(e.mean.shape, room)) <= room / 2).all() for e, room in pairs)
 
     def tightened(self, coefficients: Sequence[Floats]) -> ShapePenalty:
         """Return the penalty with the multipliers of a minimum, and HEAVIER times the weight."""
@@ -94,13 +95,14 @@ class ShapePenalty:
         pairs = zip(self._excesses, self._shifts)
         grown = [np.maximum(_counted(excess, nets, shift).max(axis=0), 0) for excess, shift in pairs]
         tightened._weight *= HEAVIER
-        tightened._shifts = [shift / HEAVIER for shift in grown]
+        tightened._shifts = [room + shift / HEAVIER for room, shift in zip(self._rooms, grown)]
         return tightened
 
     def with_rooms(self, rooms: Mapping[str, float]) -> ShapePenalty:
         """Return the penalty with room between points and limits, relative to these, by key."""
         other = copy(self)
-        other._shifts = [np.full(e.mean.shape, rooms.get(e.key, ROOM)) for e in self._excesses]
+        other._rooms = [rooms.get(excess.key, ROOM) for excess in self._excesses]
+        other._shifts = [np.full(e.mean.shape, room) for e, room in zip(self._excesses, other._rooms)]
         return other
 
     def _nets(self, coefficients: Sequence[Floats]) -> list[Floats]:

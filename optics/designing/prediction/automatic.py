@@ -21,6 +21,7 @@ from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.optimisation import first_fit, transmitted_flux
+from optics.designing.penalties import curvature_range
 from optics.designing.prediction.freedom_note import gentler_geometries
 from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart, least_auto
@@ -138,11 +139,13 @@ def _nearest_base(
     flattest = LEAST_FREEDOM * max(surface.half_width)
     if abs(found.x) * hypot(*surface.half_width) ** 2 / 2 < flattest:
         return inf, constant
-    return float(f"{1 / found.x:.3g}"), constant
+    radius = float(f"{1 / found.x:.3g}")
+    within = bounds[0] <= 1 / radius <= bounds[1]  # rounding may exceed a limit on curvature
+    return radius if within else 1 / found.x, constant
 
 
 def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float, float]:
-    """Return the least and the greatest curvature that the base may have.
+    """Return the least and the greatest curvature that the base may have, within the limits on curvature.
 
     A slope s at the radius r belongs to c = s / (r sqrt(1 + (1 + K) s^2)), a height z to
     c = 2 z / (r^2 + (1 + K) z^2).
@@ -157,7 +160,9 @@ def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float,
         low, high = (THINNEST - 1) * (spec.thickness - at_front), FARTHEST * throw
     most = steep / (r * sqrt(max(1 + k * steep**2, 1e-6)))
     least = -most if isinf(low) else max(-most, 2 * low / max(r**2 + k * low**2, 1e-6))
-    return least, most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))
+    most = most if isinf(high) else min(most, 2 * high / max(r**2 + k * high**2, 1e-6))
+    lower, upper = curvature_range(problem.limits, "front" if isinstance(spec, MirrorElement) else "rear")
+    return max(least, lower), min(most, upper)
 
 
 def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> float:

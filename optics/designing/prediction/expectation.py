@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
-from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
+from optics.designing.optimisation import LimitedShapes, Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.freedom_note import (
     freedom_note,
@@ -25,9 +25,12 @@ from optics.designing.starts import STEEP, RearLight, TransportStart
 from optics.light.analysis import light_past_elements, past_notes
 from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
+from optics.scene.limits import LimitCost
+from optics.scene.problem import Limits
 from optics.scene.system import OpticalSystem, volume_of_made
 from thbcad.checks import Floats
 from thbcad.lens import Lens, mass
+from thbcad.surfaces import THBSurface
 
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
 # half of 4096 pixels in place of 0.174 changes the one to expect of the design from 0.0202 to 0.0195
@@ -70,6 +73,7 @@ class Expectation:
     past : the sentence on light that passes by elements on its way to the target, or "".
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
+    limit_costs : what limits of manufacture cost the light of the start, the greatest cost first.
     """
 
     size: tuple[float, float, float]
@@ -98,6 +102,7 @@ class Expectation:
     sensitivity: Sensitivity
     concentration: Concentration
     refused: str
+    limit_costs: tuple[LimitCost, ...]
 
 
 def expected(
@@ -136,6 +141,8 @@ def expected(
     shares = past.shares(fates.on_target + past.light.on_target, flux) if past and past.missed else None
     past_sentences = past_notes({"past_elements": shares})
     undisturbed = fates.blocked < TAKEN * flux and not past_sentences
+    costs = _limit_costs(system, backend, start, coarsening)
+    predictable = from_transport and start.within(fit) and fine and _is_known(system)
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
     shape = lens if mapped else system.lens
     count, more = volume_of_made(optic, shape)
@@ -163,7 +170,7 @@ def expected(
         blur=_blur(system, lens, backend),
         from_transport=from_transport,
         rel_l2=_likely(predicted_rel_l2(start.lit, error), error)
-        if error and from_transport and start.within(fit) and fine and _is_known(system) and undisturbed
+        if error and predictable and undisturbed and not costs
         else None,
         start_rel_l2=error,
         past=past_sentences[0] if past_sentences else "",
@@ -172,7 +179,27 @@ def expected(
         sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
         refused=_refusal(system, lens),
+        limit_costs=costs,
     ), plan
+
+
+def _limit_costs(
+    system: OpticalSystem, backend: Backend, start: TransportStart, coarsening: int
+) -> tuple[LimitCost, ...]:
+    """Return what limits of manufacture cost the light of the start on the whole mesh of the last level."""
+    if system.source.extended or system.problem.limits == Limits():
+        return ()
+    shaping = system.shaping
+    sags = *shaping.sags(shaping.lens)[:-1], start.finest_fit().sag
+    shaped, lens = shaping.with_sags(shaping.lens, sags)
+
+    def misfit(sags: Sequence[THBSurface]) -> float:
+        other, of_sags = shaped.with_sags(lens, sags)
+        error = light_before(system.shaped_as(other.shapes), of_sags, backend, coarsening)[1]
+        assert error is not None, "sources with extent are left out"
+        return error
+
+    return tuple(LimitedShapes(shaped, lens, start.rear_slopes()[0]).costs(sags, misfit))
 
 
 def _refusal(system: OpticalSystem, lens: Lens) -> str:

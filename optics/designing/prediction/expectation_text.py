@@ -97,6 +97,10 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"
     if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
+    if expected.limit_costs:
+        keys = " and ".join(f"limits.{cost.miss.key}" for cost in expected.limit_costs)
+        kept = expected.limit_costs[0].kept
+        return f"rel_l2: not predicted, since {keys} changes the start; {start} without limits, {kept:.2g} with"
     if whose:
         return f"rel_l2: not predicted for a plate, whose pictures are displaced; {start}"
     if expected.blocked >= TAKEN:

@@ -61,6 +61,7 @@ def foreseen_misses(
             f"{MAY}: {expected.blocked:.0%} of the light is blocked by {' and '.join(expected.blocking)}, of "
             f"which the start of the design knows nothing; its rel_l2 is {expected.start_rel_l2:.2g}"
         )
+    sentences += [f"{MAY}: {cost.sentence}" for cost in expected.limit_costs]
     if expected.refused:
         sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")
     return sentences

@@ -149,8 +149,8 @@ def _on_screen(problem: Problem, lens: Lens) -> Problem:
     size = [_quantile(reach[arrives, axis], rays.flux[arrives]) for axis in (0, 1)]
     half = [min(max(MARGIN * s, away * 1e-3), WIDEST * away) for s in size]
     note(
-        f"the problem has no [target], so that no light is requested: it falls on a screen {away:g} mm behind "
-        f"the lens, {2 * half[0]:.4g} x {2 * half[1]:.4g} mm; add [target] for another"
+        f"the problem has no [target], so that no light is requested: it falls on a screen {away:g} mm "
+        f"after the lens, {2 * half[0]:.4g} x {2 * half[1]:.4g} mm; add [target] for another"
     )
     return problem.with_(**{"target.half_width": half})
 
