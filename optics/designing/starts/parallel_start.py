@@ -16,7 +16,7 @@ from optics.base.runtime import Backend
 from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_start import Picture, ShapedLight
 from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight, centres, inside
-from optics.designing.transport import height_from_slopes, prewarped, transport_map
+from optics.designing.transport import Transport, height_from_slopes, prewarped, transport_map
 from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
@@ -43,15 +43,15 @@ class ParallelStart:
     def shaped(self) -> ShapedLight:
         """Return what the picture asks of the rear."""
         density = self._density(self.wanted.flux)
-        arrival = self._arrival(density)
+        transport, arrival = self._arrival(density)
         above, refracts = self._above(arrival, np.zeros(self.counts), SNELL_STEPS)
         picture, share = self._prewarped(arrival, above, density(self.counts))
         if picture is not None:
-            arrival = self._arrival(self._density(picture))
+            transport, arrival = self._arrival(self._density(picture))
             above, _ = self._above(arrival, self._height(above), 1)
         made_up = np.ones(self.counts) if picture is None else share
         bent = float(np.average(refracts, weights=self._light.flux))
-        return ShapedLight(self._light, above, bent, arrival, made_up)
+        return ShapedLight(self._light, above, bent, arrival, made_up, transport)
 
     @cached_property
     def _half(self) -> list[float]:
@@ -145,9 +145,12 @@ class ParallelStart:
         rows, half = np.ascontiguousarray(picture.T[::-1]), self.wanted.half
         return lambda grid: target_irradiance(rows, Screen(half, grid), "stretch", 1.0)[::-1].T
 
-    def _arrival(self, density: Callable[[tuple[int, int]], Floats]) -> tuple[Floats, Floats]:
-        """Return the target coordinates to which transport sends the light's cells, mm or degrees."""
+    def _arrival(
+        self, density: Callable[[tuple[int, int]], Floats]
+    ) -> tuple[Transport, tuple[Floats, Floats]]:
+        """Return optimal transport, and the target coordinates of the light's cells, mm or degrees."""
         (hx, hy), (u, v), half = self.wanted.half, self.wanted.centre, self._half
         aspect = np.sqrt(half[0] * hx / (half[1] * hy))
-        tx, ty = transport_map(self.backend, density, self.counts, aspect, self._light.emitted)
-        return u + hx * tx, v + hy * ty
+        transport = transport_map(self.backend, density, self.counts, aspect, self._light.emitted)
+        tx, ty = transport.places
+        return transport, (u + hx * tx, v + hy * ty)

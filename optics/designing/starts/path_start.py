@@ -19,7 +19,7 @@ from optics.designing.starts.lost_light import passing_share
 from optics.designing.starts.path_light import light_on, picture_on, resampled
 from optics.designing.starts.rear_light import LEAST_WEIGHT, RearLight
 from optics.designing.starts.transport_chart import Middle, TransportChart
-from optics.designing.transport import prewarped, transport_map
+from optics.designing.transport import Transport, prewarped, transport_map
 from optics.light.refraction import ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.sources import LightSource
@@ -75,6 +75,7 @@ class ShapedLight:
     light : that meets it.  above : the slopes that its sag needs, (nx, ny) each, which go on without light.
     bent : share of the light that slopes can send to where the map wants it.  places : u and v there.
     made_up : (nx, ny), the share of a cell's light that passes, as far as places make up for it.
+    transport : the map behind these places.
     """
 
     light: RearLight
@@ -82,6 +83,7 @@ class ShapedLight:
     bent: float
     places: Sequence[Floats]
     made_up: Floats
+    transport: Transport
 
 
 def shaped_along(
@@ -113,7 +115,7 @@ def shaped_along(
             height = shape.conic(light.x[:, None], light.y[None, :]) + first
             chart = Middle.of(shaped, light, height, wanted.centre, wanted.half).chart(wanted.crosses)
             corners = chart.to(wanted.corners())
-        sent = _sent(backend, light, chart, corners, asked)
+        transport, sent = _sent(backend, light, chart, corners, asked)
         for mesh in [coarse] * COARSE_FITS + [fine]:
             points, slopes = _jet(shape.with_sag(sag), light)
             near = slopes if needed is None or needed[0].shape != grid else needed
@@ -140,7 +142,7 @@ def shaped_along(
         if unchanged and grid == counts:
             break
         settled = settled or unchanged
-    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent, share)
+    return ShapedLight(light, above, float(np.average(possible, weights=flux)), sent, share, transport)
 
 
 def _halved(counts: tuple[int, int]) -> tuple[int, int]:
@@ -171,8 +173,8 @@ def _difference(one: Picture, other: Picture | None = None) -> float:
 
 def _sent(
     backend: Backend, light: RearLight, chart: TransportChart, q: Sequence[Floats], asked: Picture
-) -> list[Floats]:
-    """Return u and v of the places to which transport sends the light's cells, (nx, ny) each.
+) -> tuple[Transport, list[Floats]]:
+    """Return optimal transport, and u and v of where it sends the light's cells, (nx, ny) each.
 
     q : of the corners of the picture's pixels on the chart.
     """
@@ -181,6 +183,6 @@ def _sent(
     halves = [(high - low) / 2 for low, high in box]
     widths = [n * (row[1] - row[0]) for n, row in zip(light.counts, (light.x, light.y))]
     aspect = float(np.sqrt(widths[0] * halves[0] / (widths[1] * halves[1])))
-    sent = transport_map(backend, density, light.counts, aspect, light.emitted)
-    places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, sent, halves)])
-    return [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)]
+    transport = transport_map(backend, density, light.counts, aspect, light.emitted)
+    places = chart.back([low + (t + 1) * h for (low, _), t, h in zip(box, transport.places, halves)])
+    return transport, [np.clip(a, c - h, c + h) for a, c, h in zip(places, asked.centre, asked.half)]

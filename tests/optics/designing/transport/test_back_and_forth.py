@@ -66,7 +66,7 @@ def largest_error(found, tx, ty):
 @pytest.mark.parametrize("level", [1.0, 1e-6, 1e6])
 def test_uniform_light_needs_no_transport(backend, aspect, level):
     """Up to rounding, 1e-16 of the light, which 40 steps of sigma = 32 add up on 64^2 cells."""
-    found = transport_map(backend, lambda grid: np.full(grid, level), (48, 64), aspect)
+    found = transport_map(backend, lambda grid: np.full(grid, level), (48, 64), aspect).places
     assert largest_error(found, *centres((48, 64))) < 1e-16 * 40 * 32 * 64**2
 
 
@@ -86,7 +86,7 @@ def test_product_densities_are_met_axis_by_axis_with_order_two(backend, aspect):
 
     errors, sizes = [], (32, 64, 128, 256)
     for n in sizes:
-        tx, ty = transport_map(backend, by_cells(cdf_x, cdf_y), (n, n), aspect)
+        tx, ty = transport_map(backend, by_cells(cdf_x, cdf_y), (n, n), aspect).places
         x, y = (
             np.array([brentq(lambda t, s=s, f=f: f(t) - s, -1, 1, xtol=1e-14) for s in row])
             for row, f in zip(map(np.ravel, centres((n, n))), (cdf_x, cdf_y))
@@ -101,7 +101,7 @@ def test_between_gaussians_the_map_is_affine(backend, n):
     """Also from a wide one to a narrow one beside it, and back; within two standard deviations, to a cell."""
     wide, narrow = ((0.2, 0.15), (0.0, 0.0)), ((0.1, 0.2), (0.3, -0.2))
     for (s0, m0), (s1, m1) in ((wide, narrow), (narrow, wide)):
-        found = transport_map(backend, gaussian(s1, m1), (n, n), 1.0, gaussian(s0, m0))
+        found = transport_map(backend, gaussian(s1, m1), (n, n), 1.0, gaussian(s0, m0)).places
         x, y = centres((n, n))
         near = (abs(x - m0[0]) < 2 * s0[0]) & (abs(y - m0[1]) < 2 * s0[1])
         tx, ty = m1[0] + (x - m0[0]) * s1[0] / s0[0], m1[1] + (y - m0[1]) * s1[1] / s0[1]
@@ -112,14 +112,14 @@ def test_between_gaussians_the_map_is_affine(backend, n):
 @pytest.mark.parametrize("n", slow_unless((128).__eq__, [128, 256]))
 def test_a_rectangle_in_the_dark_is_filled_by_an_affine_map(backend, n):
     """To a cell, 2 / n."""
-    found = transport_map(backend, box(-0.5, 0.25, -0.75, 0.5), (n, n), 1.0)
+    found = transport_map(backend, box(-0.5, 0.25, -0.75, 0.5), (n, n), 1.0).places
     x, y = centres((n, n))
     assert largest_error(found, -0.125 + 0.375 * x, -0.125 + 0.625 * y) < 2 / n
 
 
 def test_light_that_comes_from_a_rectangle_in_the_dark_is_spread_by_an_affine_map(backend):
     """Where there is no light, the map is without meaning, but finite and inside the target."""
-    tx, ty = transport_map(backend, np.ones, (128, 128), 1.0, box(-0.5, 0.25, -0.75, 0.5))
+    tx, ty = transport_map(backend, np.ones, (128, 128), 1.0, box(-0.5, 0.25, -0.75, 0.5)).places
     x, y = centres((128, 128))
     lit = (x > -0.5) & (x < 0.25) & (y > -0.75) & (y < 0.5)
     assert np.abs(tx - (x + 0.125) / 0.375)[lit].max() < 2 * 2 / 128
@@ -134,7 +134,7 @@ def test_the_map_carries_uniform_light_to_the_density(backend):
     wanted /= wanted.sum()
     errors = []
     for n in (64, 256):
-        tx, ty = transport_map(backend, blob, (n, n), 1.0)
+        tx, ty = transport_map(backend, blob, (n, n), 1.0).places
         counted = np.histogram2d(tx.ravel(), ty.ravel(), bins=8, range=[[-1, 1]] * 2)[0] / n**2
         errors.append(np.abs(counted - wanted).sum())
     # 32 border lines of n cells, each wrong by half a cell's share at random: below 16 / n
@@ -148,7 +148,7 @@ def test_rays_do_not_cross(backend, density):
 
     Inside it is a sum of such gradients; lines and parabolas at the border hold it to a cell.
     """
-    tx, ty = transport_map(backend, density, (96, 80), 1.2)
+    tx, ty = transport_map(backend, density, (96, 80), 1.2).places
     for steps, cell in ((np.diff(tx, axis=0), 2 / 96), (np.diff(ty, axis=1).T, 2 / 80)):
         assert (steps[2:-2, 1:-1] > -1e-12).all()
         assert (steps > -cell).all()
@@ -161,7 +161,7 @@ def test_bright_islands_in_the_dark_are_fed_and_the_dark_is_not(backend):
     Those are two cells wide along a line of n: below 4 / n in all, and half of it for each island.
     """
     n = 256
-    tx, ty = transport_map(backend, islands, (n, n), 1.0)
+    tx, ty = transport_map(backend, islands, (n, n), 1.0).places
     first = (np.hypot(tx - 0.5, ty - 0.5) < 0.2 + 2 / n).mean()
     second = (np.hypot(tx + 0.5, ty + 0.3) < 0.15 + 2 / n).mean()
     wanted = 0.2**2 / (0.2**2 + 2 * 0.15**2)
@@ -175,7 +175,7 @@ def test_a_disk_on_black_gets_all_light(backend):
     n = 128
     tx, ty = transport_map(
         backend, lambda grid: np.where(np.hypot(*centres(grid)) < 0.6, 1.0, 0.0), (n, n), 1.0
-    )
+    ).places
     assert np.hypot(tx, ty).max() < 0.6 + 2 * 2 / n
     np.testing.assert_allclose(tx, -tx[::-1], rtol=0, atol=1e-10)
     np.testing.assert_allclose(tx, tx[:, ::-1], rtol=0, atol=1e-10)
@@ -184,14 +184,14 @@ def test_a_disk_on_black_gets_all_light(backend):
 
 def test_half_of_the_target_in_the_dark_gets_nothing(backend):
     """The map is (x + 1) / 2 exactly."""
-    found = transport_map(backend, box(0.0, 1.0, -1.0, 1.0), (64, 64), 1.0)
+    found = transport_map(backend, box(0.0, 1.0, -1.0, 1.0), (64, 64), 1.0).places
     x, y = centres((64, 64))
     assert largest_error(found, (x + 1) / 2, y) < 2 / 64
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (65, 33), (5, 40), (130, 7)])
 def test_any_grid_gives_finite_positions_inside_the_target(backend, shape):
-    tx, ty = transport_map(backend, blob, shape, 1.0)
+    tx, ty = transport_map(backend, blob, shape, 1.0).places
     assert tx.shape == ty.shape == shape
     assert np.isfinite((tx, ty)).all()
     assert np.abs((tx, ty)).max() <= 1
@@ -221,14 +221,14 @@ def test_a_gaussian_beam_spreads_evenly_by_the_error_function(backend, sigma):
     """A separable source onto uniform light: t = erf(x / (sigma sqrt 2)) / erf(1 / (sigma sqrt 2)) in each
     direction."""
     profile = Profile("gaussian", (sigma, sigma))
-    found = transport_map(backend, np.ones, (128, 128), 1.0, lambda grid: profile(*centres(grid)))
+    found = transport_map(backend, np.ones, (128, 128), 1.0, lambda grid: profile(*centres(grid))).places
     wanted = [erf(a / (sigma * np.sqrt(2))) / erf(1 / (sigma * np.sqrt(2))) for a in centres((128, 128))]
     assert largest_error(found, *wanted) < 2 / 128
 
 
 def test_single_precision_of_the_run_does_not_change_the_map(backend):
-    single = transport_map(load_backend("single", 1), islands, (64, 64), 1.0)
-    double = transport_map(backend, islands, (64, 64), 1.0)
+    single = transport_map(load_backend("single", 1), islands, (64, 64), 1.0).places
+    double = transport_map(backend, islands, (64, 64), 1.0).places
     np.testing.assert_array_equal(single[0], double[0])
 
 
