@@ -10,15 +10,13 @@ import pytest
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 
 from tests.thbcad.cad.shapes.cases import assert_whole, rough, same_bits
-from tests.thbcad.cases import one_line
-from thbcad.cad.exchange import SolidState, optical_form, part_step, read_step, step_bytes
+from thbcad.cad.exchange import SolidState, optical_form, part_step, read_step
 from thbcad.cad.shapes import moulded_part
 from thbcad.io import brep_of_text, volume
 from thbcad.lens import FreeformSurface, Lens, Product, optical_forms
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
-from thbcad.splines import BSplineSurface
 
 build123d = pytest.importorskip("build123d")
 
@@ -69,16 +67,6 @@ def test_a_body_is_sound_and_keeps_its_surfaces(moulded):
     assert_whole(SolidState(part.solid), body.face_count)
     for face, form in zip(part.faces, optical_forms(body.lens)):
         assert same_bits(optical_form(face), form)
-
-
-@pytest.mark.every(4)
-def test_long_surfaces_make_the_same_file(moulded, monkeypatch):
-    body, part, file = moulded
-    monkeypatch.setattr("thbcad.cad.exchange.long_surfaces.MANY", 3)
-    written = step_bytes(body, Product())
-    assert one_line(written) == one_line(file)
-    has_splines = any(isinstance(optical_form(face), BSplineSurface) for face in part.faces[:2])
-    assert (written != file) == has_splines  # lines end elsewhere
 
 
 @pytest.mark.every(4)
