@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from .inserts import FACES, INSERT_BACK, UNCHANGED, Factors, Insert, enlarged, shrinkage_factors
     from .moulded_body import MouldedBody, Solid
     from .plates import Made, Plate, lens_of, named_on_plate
+    from .rolling_ball import RoundedEdge
     from .rounded_edges import rounded_off
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

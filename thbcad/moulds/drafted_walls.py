@@ -22,16 +22,27 @@ from thbcad.outlines import (
     merged_breaks,
 )
 from thbcad.sags import PlacedConic
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
+from thbcad.splines import KnotVector, gauss_rule
 
 STEPS = 60  # of Newton's method, which doubles its digits; slopes near its limit cost more
 FOUND = 1e-13  # mm, relative to the size of the wall
 ROUGH = 257  # samples of a piece of a rim whose heights are wanted about
 SAMPLES = 4096  # of a rim on which crossings with knot lines are looked for
-BISECTIONS = 40  # of a crossing between two samples
+ILLINOIS = 20  # steps to a crossing between two samples, which needs about five
+CROSSED = 1e-13  # mm, of a curve beside the line that it crosses
 TINY = 1e-300
 NODES = 12  # of the Gauss rule in every span of a rim
 Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Knot lines of a surface, (n,) each: x (axis 0) or y (axis 1) = level, mm, and how often a curve that
+    crosses one needs a knot there."""
+
+    level: Floats
+    count: Integers
+    axis: Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +187,7 @@ class DraftedWall:
             z = z - rest / (self.slope * self.side * by_inset - 1)
         raise ValueError("the wall and the surface are too nearly parallel for their rim to be found")
 
-    def _rim(self, k: int, surface: FreeformSurface, vertex: float, graph: BSplineSurface) -> FittedPiece:
+    def _rim(self, k: int, surface: FreeformSurface, vertex: float, lines: Lines) -> FittedPiece:
         """Return where piece k meets a surface, within 1e-9 mm at eight points of every span."""
         ends = self._pair[0][k].ends
 
@@ -185,7 +196,7 @@ class DraftedWall:
             x, y, _, _ = self.points(k, t, z)
             return np.column_stack([x, y, z])
 
-        places, counts = _crossings(curve, np.linspace(*ends, SAMPLES), graph)
+        places, counts = crossings(curve, np.linspace(*ends, SAMPLES), lines)
         return FittedPiece(*fitted_curve(curve, *merged_breaks(places, counts, *ends)))
 
     def rough_heights(self, lens: Lens, number: int) -> tuple[float, float]:
@@ -206,8 +217,8 @@ class DraftedWall:
         if level is not None:
             return Foot(self.at(level).pieces, level)
         surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
-        graph = lens.own_graphs()[number]
-        return Foot(tuple(self._rim(k, surface, vertex, graph) for k in range(len(self._pair[0]))), None)
+        lines = knot_lines(surface)
+        return Foot(tuple(self._rim(k, surface, vertex, lines) for k in range(len(self._pair[0]))), None)
 
     def level_rim(self, lens: Lens, number: int) -> float | None:
         """Return the z of a rim that is level: on a plane, and round the axis of a conic; None of others."""
@@ -221,15 +232,17 @@ class DraftedWall:
         surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
         return float(self.heights(0, np.zeros(1), surface, vertex)[0])
 
-    def volume(self, lens: Lens, number: int, foot: Foot) -> float:
+    def volume(self, lens: Lens, number: int, rim: Foot, foot: Foot) -> float:
         """Return the volume between the level and the front (0) or the rear (1) of a lens, within the wall,
-        mm^3; that below the level counts as negative.
+        mm^3; that below the level counts as negative.  Left out is what lies under a rounding between both.
 
-        Over the foot it is the integral of z - level.  Round it, with the inset s up to S and
+        rim : where the front or rear ends.  foot : where the wall ends, the same without a rounding.
+
+        Within the rim it is the integral of z - level.  Round it, with the inset s up to S and
         J = x_t y_s - y_t x_s = a + b s, the wall adds the integral of (a S^2 / 2 + b S^3 / 3) / slope dt.
         """
         graph, vertex = lens.graphs()[number], number * lens.thickness
-        over = integral_within(graph, foot.pieces) + (vertex - self.level) * foot.area
+        over = integral_within(graph, rim.pieces) + (vertex - self.level) * rim.area
         if not self.slope:
             return over
         outer, inner, depth = self._pair
@@ -259,18 +272,37 @@ def _from_ellipse(x: Floats, y: Floats, a: float, b: float) -> Floats:
     return signed
 
 
-def _crossings(curve: Points, t: Floats, graph: BSplineSurface) -> tuple[Floats, Integers]:
-    """Return where a curve (x, y, z) of samples t crosses the inner knot lines of a graph, and how often each
-    must be a knot."""
-    lines = [kinks(kv) for kv in (graph.kv_u, graph.kv_v)]
-    axis = np.repeat([0, 1], [len(values) for values, _ in lines])
-    level, count = (np.concatenate(rows) for rows in zip(*lines))
-    beside = curve(t)[:, axis] - level
+def knot_lines(surface: FreeformSurface) -> Lines:
+    """Return the inner knots of a surface in x and in y, mm, and how often a curve across each needs a knot."""
+    if surface.sag is None:
+        return Lines(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+    sag = surface.sag.to_bspline()
+    pairs = zip((sag.kv_u, sag.kv_v), surface.half_width)
+    rows = [kinks(kv.rescale(-h, h)) for kv, h in pairs]
+    axis = np.repeat([0, 1], [len(values) for values, _ in rows])
+    level, count = (np.concatenate(row) for row in zip(*rows))
+    return Lines(level, count, axis)
+
+
+def crossings(curve: Points, t: Floats, lines: Lines) -> tuple[Floats, Integers]:
+    """Return where a curve (x, y, z) of samples t crosses knot lines, and how often each must be a knot.
+
+    Between two samples the Illinois method finds a crossing: of a smooth curve it squares the error twice in
+    three steps.
+
+    Source: M. Dowell, P. Jarratt, BIT 11 (1971) 168.
+    """
+    beside = curve(t)[:, lines.axis] - lines.level
     sample, line = np.nonzero(beside[:-1] * beside[1:] < 0)
-    low, high = t[sample], t[sample + 1]
-    for _ in range(BISECTIONS if len(line) else 0):
-        middle = (low + high) / 2
-        at = curve(middle)[np.arange(len(line)), axis[line]] - level[line]
-        left = at * beside[sample, line] > 0
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return low, count[line]
+    low, high, at_low, at_high = t[sample], t[sample + 1], beside[sample, line], beside[sample + 1, line]
+    place, axis, level = low, lines.axis[line], lines.level[line]
+    for _ in range(ILLINOIS if len(line) else 0):
+        place = high - at_high * (high - low) / (at_high - at_low)
+        at = curve(place)[np.arange(len(line)), axis] - level
+        turned = at * at_high < 0
+        low, at_low = np.where(turned, high, low), np.where(turned, at_high, at_low / 2)
+        high, at_high = place, at
+        if not (abs(at) > CROSSED).any():
+            break
+        at_low = np.where(at_low == at_high, 1.0, at_low)  # both 0: the place is found
+    return place, lines.count[line]

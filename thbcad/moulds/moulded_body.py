@@ -3,7 +3,7 @@ smaller surface."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -21,10 +21,12 @@ from thbcad.moulds.body_walls import (
 )
 from thbcad.moulds.drafted_walls import DraftedWall, Foot
 from thbcad.moulds.inserts import FACES
+from thbcad.moulds.rolling_ball import RoundedEdge, rounded_edge
 from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
 from thbcad.sags import gap_graph
 
 ROUGH = 1e-2  # relative, of bounds that need no more
+SMALLER = (0.9, 0.75, 0.5, 0.35, 0.2, 0.1)  # of edge_radius, tried where it does not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,12 @@ class MouldedBody:
         """Where walls meet front and rear."""
         return self.wall(0).foot(self.lens, 0), self.wall(1).foot(self.lens, 1)
 
+    def ends(self, number: int) -> tuple[Foot, Foot]:
+        """Return where the front (0) or the rear (1) ends, and where the wall next to it does: on their rim, or
+        along the rounding between them."""
+        edge = self.rounded_edges.get(number)
+        return (edge.on_surface, edge.on_wall) if edge is not None else (self.feet[number],) * 2
+
     @property
     def stepped(self) -> bool:
         """Whether a wall leads from the land to the smaller surface."""
@@ -129,13 +137,16 @@ class MouldedBody:
 
     def volume(self) -> float:
         """Return the volume, mm^3, by Gauss rules along the rims."""
-        held = [self.wall(k).volume(self.lens, k, self.feet[k]) for k in (0, 1)]
+        held = [self.wall(k).volume(self.lens, k, *self.ends(k)) for k in (0, 1)]
+        rounded = sum(
+            (2 * k - 1) * edge.volume_above(self.walls[k].level) for k, edge in self.rounded_edges.items()
+        )
         if self.inner is None or self.small is None:
-            return held[1] - held[0]
+            return rounded + held[1] - held[0]
         land, across = self.inner.level, self.walls[self.small]
         areas = [across.at(z).area for z in (land, (land + self.parting) / 2, self.parting)]
         frustum = abs(land - self.parting) * (areas[0] + 4 * areas[1] + areas[2]) / 6
-        return frustum + held[1] - held[0]
+        return frustum + rounded + held[1] - held[0]
 
     @property
     def rounded(self) -> tuple[int, ...]:
@@ -195,26 +206,52 @@ class MouldedBody:
         across = radius * (1 / np.cos(draft) + np.sin(np.arctan(slope)))
         return float(across * (1 + np.tan(draft) * slope)), float(radius + across * slope)
 
+    @cached_property
+    def rounded_edges(self) -> dict[int, RoundedEdge]:
+        """The rounded edges by 0 for the front and 1 for the rear."""
+        return {k: rounded_edge(self.walls[k], self.lens, k, self.edge_radius) for k in self.rounded}
+
     def _require_radius(self) -> None:
-        """Raise ValueError where a rounded edge is not proven to fit between its rim and the next edge."""
+        """Raise ValueError where a rounded edge does not fit between its rim and the next edge."""
         if self.outline.is_rectangle:
             raise ValueError(
-                "edge_radius needs an outline without sharp corners, where OCCT's roundings meet within "
-                '1e-6 mm: take lens.outline = "rounded" or edge_radius 0'
+                "edge_radius needs an outline without sharp corners, round which no ball rolls: take "
+                'lens.outline = "rounded" or edge_radius 0'
             )
-        rims = [self.feet[k].heights[1 - k] for k in (0, 1)]
-        ends = [self.inner.level if self.inner is not None and self.small == k else rims[k] for k in (0, 1)]
-        if self.walls[0].draft:
-            rooms = [abs(end - self.parting) for end in ends]
-        else:
-            rooms = [abs(ends[1] - ends[0]) / max(1, len(self.rounded))] * 2
+        unfit = self._unfit()
+        if not unfit:
+            return
+        for share in SMALLER:
+            radius = float(f"{share * self.edge_radius:.2g}")
+            if not replace(self, edge_radius=radius)._unfit():
+                raise ValueError(f"edge_radius = {self.edge_radius:g} mm: {unfit}; {radius:g} mm fits")
+        raise ValueError(f"edge_radius = {self.edge_radius:g} mm: {unfit}; take edge_radius 0")
+
+    def _unfit(self) -> str:
+        """Return why edges cannot be rounded, "" where they can."""
         for k in self.rounded:
-            needed = self._radius_reach(k)[1]
-            if needed > rooms[k]:
-                raise ValueError(
-                    f"edge_radius = {self.edge_radius:g} mm needs up to {needed:.6g} mm of the wall at the "
-                    f"{FACES[k]}, which has {rooms[k]:.6g} mm; make it smaller"
+            try:
+                reached = self.rounded_edges[k].on_wall.heights[1 - k]
+            except ValueError as error:
+                return f"at the {FACES[k]} {error}"
+            side = 2 * k - 1
+            if self.walls[k].draft:
+                end, place = self.parting, "the parting line"
+            elif 1 - k in self.rounded:
+                end, place = (
+                    self.rounded_edges[1 - k].on_wall.heights[k],
+                    f"the rounding of the {FACES[1 - k]}",
                 )
+            elif self.inner is not None:
+                end, place = self.inner.level, "the land"
+            else:
+                end, place = self.feet[1 - k].heights[k], f"the rim of the {FACES[1 - k]}"
+            if side * (reached - end) < LEAST_SIZE:
+                return (
+                    f"the rounding of the {FACES[k]} reaches z = {reached:.6g} mm on the wall, and {place} "
+                    f"z = {end:.6g} mm"
+                )
+        return ""
 
     def require_clear(self, clear: tuple[Outline, Outline]) -> None:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
