@@ -3,15 +3,16 @@ smaller surface."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
-from thbcad.certified import greatest_slope, minimum, value_range
+from thbcad.certified import greatest_slope
 from thbcad.checks import Floats
-from thbcad.lens import Lens, require_sound, segment
+from thbcad.lens import Lens
+from thbcad.moulds.body_proofs import require_glass, require_parting, require_radius
 from thbcad.moulds.body_walls import (
     BodyOptions,
     inner_wall,
@@ -19,14 +20,13 @@ from thbcad.moulds.body_walls import (
     middle_of_rims,
     outline_and_smaller,
 )
-from thbcad.moulds.drafted_walls import DraftedWall, Foot
+from thbcad.moulds.drafted_walls import DraftedWall
 from thbcad.moulds.inserts import FACES
 from thbcad.moulds.rolling_ball import RoundedEdge, rounded_edge
+from thbcad.moulds.wall_rims import Foot
 from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
-from thbcad.sags import gap_graph
 
 ROUGH = 1e-2  # relative, of bounds that need no more
-SMALLER = (0.9, 0.75, 0.5, 0.35, 0.2, 0.1)  # of edge_radius, tried where it does not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +75,10 @@ class MouldedBody:
             parting = inner.level if inner is not None else middle_of_rims(lens, outline)
         pair = tuple(DraftedWall(outline, float(parting), options.draft, side) for side in (-1, 1))
         body = cls(lens, (pair[0], pair[1]), inner, small, options.edge_radius)
-        body._require_parting()
-        body._require_glass()
+        require_parting(body)
+        require_glass(body)
         if body.edge_radius:
-            body._require_radius()
+            require_radius(body)
         if clear is not None:
             body.require_clear(clear)
         return body
@@ -113,8 +113,8 @@ class MouldedBody:
         return self.wall(0).foot(self.lens, 0), self.wall(1).foot(self.lens, 1)
 
     def ends(self, number: int) -> tuple[Foot, Foot]:
-        """Return where the front (0) or the rear (1) ends, and where the wall next to it does: on their rim, or
-        along the rounding between them."""
+        """Return where the front (0) or the rear (1) ends, and where the wall next to it does: on their rim,
+        or along the rounding between them."""
         edge = self.rounded_edges.get(number)
         return (edge.on_surface, edge.on_wall) if edge is not None else (self.feet[number],) * 2
 
@@ -211,48 +211,6 @@ class MouldedBody:
         """The rounded edges by 0 for the front and 1 for the rear."""
         return {k: rounded_edge(self.walls[k], self.lens, k, self.edge_radius) for k in self.rounded}
 
-    def _require_radius(self) -> None:
-        """Raise ValueError where a rounded edge does not fit between its rim and the next edge."""
-        if self.outline.is_rectangle:
-            raise ValueError(
-                "edge_radius needs an outline without sharp corners, round which no ball rolls: take "
-                'lens.outline = "rounded" or edge_radius 0'
-            )
-        unfit = self._unfit()
-        if not unfit:
-            return
-        for share in SMALLER:
-            radius = float(f"{share * self.edge_radius:.2g}")
-            if not replace(self, edge_radius=radius)._unfit():
-                raise ValueError(f"edge_radius = {self.edge_radius:g} mm: {unfit}; {radius:g} mm fits")
-        raise ValueError(f"edge_radius = {self.edge_radius:g} mm: {unfit}; take edge_radius 0")
-
-    def _unfit(self) -> str:
-        """Return why edges cannot be rounded, "" where they can."""
-        for k in self.rounded:
-            try:
-                reached = self.rounded_edges[k].on_wall.heights[1 - k]
-            except ValueError as error:
-                return f"at the {FACES[k]} {error}"
-            side = 2 * k - 1
-            if self.walls[k].draft:
-                end, place = self.parting, "the parting line"
-            elif 1 - k in self.rounded:
-                end, place = (
-                    self.rounded_edges[1 - k].on_wall.heights[k],
-                    f"the rounding of the {FACES[1 - k]}",
-                )
-            elif self.inner is not None:
-                end, place = self.inner.level, "the land"
-            else:
-                end, place = self.feet[1 - k].heights[k], f"the rim of the {FACES[1 - k]}"
-            if side * (reached - end) < LEAST_SIZE:
-                return (
-                    f"the rounding of the {FACES[k]} reaches z = {reached:.6g} mm on the wall, and {place} "
-                    f"z = {end:.6g} mm"
-                )
-        return ""
-
     def require_clear(self, clear: tuple[Outline, Outline]) -> None:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
 
@@ -274,62 +232,6 @@ class MouldedBody:
         off = [abs(wall.beside(x, y, z)).max() for wall in (*self.walls, self.inner) if wall is not None]
         off += [abs(z - self.inner.level).max()] if self.inner is not None else []
         return float(min(off))
-
-    def _require_parting(self) -> None:
-        """Raise ValueError where the parting line is not proven to lie between both ends of the walls."""
-        for k, word in enumerate(FACES):
-            side = 2 * k - 1
-            if self.small == k and self.inner is not None:
-                beyond, place = side * (self.inner.level - self.parting), "land"
-                least = 0.0
-            else:
-                heights = self.feet[k].heights
-                beyond, place = side * (heights[1 - k] - self.parting), f"{word}'s rim"
-                least = LEAST_SIZE
-            for z in self.feet[k].heights:
-                self.wall(k).at(z)  # something is left of its corners
-            if beyond < least:
-                raise ValueError(
-                    f"the parting line at z = {self.parting:.9g} mm must lie {'below' if k else 'above'} the "
-                    f"{place}, which reaches z = {self.parting + side * beyond:.9g} mm; change "
-                    "lens.body.parting"
-                )
-
-    def _require_glass(self) -> None:
-        """Raise ValueError where the surfaces, or the land and the larger one, are not proven apart."""
-        lens, small = self.lens, self.small
-        if self.inner is None or small is None:
-            require_sound(lens)
-            return
-        side, land = self.inner.side, self.inner.level
-        if self.stepped and min(side * (z - land) for z in self.feet[small].heights) < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {land:.9g} mm meets the drafted rim of the {FACES[small]}; change "
-                "lens.body.land"
-            )
-        width = least_support(self.walls[small].at(land), self.inner.outline)
-        if width < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {land:.9g} mm has no width: the drafted wall leaves {width:.3g} mm round "
-                f"the {FACES[small]}; make lens.body.draft smaller"
-            )
-        graphs = list(lens.graphs())
-        half = list((lens.front, lens.rear)[small].half_width)
-        graphs[1 - small] = segment(graphs[1 - small], half)
-        least = minimum(gap_graph(graphs[0], graphs[1], lens.thickness))
-        if least.lower < LEAST_SIZE:
-            raise ValueError(
-                f"at x = {least.u:.6g}, y = {least.v:.6g} mm front and rear are {least.value:.6g} mm apart; "
-                "raise lens.thickness"
-            )
-        other = value_range(lens.graphs()[1 - small], outline=self.outline)
-        nearest = lens.thickness + other[0].lower if small == 0 else other[1].upper
-        room = (nearest - self.inner.level) * (1 if small == 0 else -1)
-        if room < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {self.inner.level:.9g} mm must lie outside of the {FACES[1 - small]}, "
-                f"which reaches z = {nearest:.9g} mm; raise lens.thickness or change lens.body.annulus"
-            )
 
 
 Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as

@@ -1,8 +1,8 @@
 """Rounded edges: the surface under a ball that rolls along a wall and a front or rear, touching both.
 
-At each parameter t of the outline the ball touches the wall at W and the front or rear at P, where the outward
-unit normals are m and n.  Its centre is C = W - r m = P - r n, and its arc from W to P is the rational parabola
-with the poles W, Q, P and the weights 1, w, 1:
+At each parameter t of the outline the ball touches the wall at W and the front or rear at P, where the
+outward unit normals are m and n.  Its centre is C = W - r m = P - r n, and its arc from W to P is the
+rational parabola with the poles W, Q, P and the weights 1, w, 1:
 
     Q = C + r (m + n) / (1 + m.n),    w = sqrt((1 + m.n) / 2).
 
@@ -19,16 +19,8 @@ import numpy as np
 
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
-from thbcad.moulds.drafted_walls import (
-    NODES,
-    SAMPLES,
-    DraftedWall,
-    FittedPiece,
-    Foot,
-    Lines,
-    crossings,
-    knot_lines,
-)
+from thbcad.moulds.drafted_walls import DraftedWall
+from thbcad.moulds.wall_rims import NODES, SAMPLES, FittedPiece, Foot, Lines, crossings, knot_lines
 from thbcad.outlines import DEGREE, fitted_curve, merged_breaks
 from thbcad.splines import KnotVector, NURBSSurface, gauss_rule
 
@@ -213,8 +205,8 @@ class _Ball:
         return np.clip(x, -hx, hx), np.clip(y, -hy, hy)
 
     def _require_steady(self, t: Floats) -> None:
-        """Raise ValueError unless the ball and both contacts move on, and front or rear bend away from the ball
-        where it touches them: 1 - radius x curvature is positive in both directions."""
+        """Raise ValueError unless the ball and both contacts move on, and front or rear bend away from the
+        ball where it touches them: 1 - radius x curvature is positive in both directions."""
         on_surface, n, on_wall, _ = self.contacts(t)
         dx, dy = self.wall.outline.pieces[self.k]((t[1:] + t[:-1]) / 2, 1)
         for points in (on_surface, on_wall, on_surface - self.radius * n):
@@ -222,7 +214,8 @@ class _Ball:
             if not (step[:, 0] * dx + step[:, 1] * dy > 0).all():
                 raise ValueError("a ball of this radius is too large for a corner of the wall")
         x, y, _ = on_surface.T
-        centres, points = self._jet(x, y)[2:], replace(self, radius=0.0)._jet(x, y)[2:]
+        sharp = replace(self, radius=0.0)
+        points, centres = (ball._jet(x, y)[2:] for ball in (sharp, self))
         ratio = np.linalg.solve(_products(points, points), _products(points, centres))
         if not ((np.linalg.det(ratio) > 0) & (np.trace(ratio, axis1=1, axis2=2) > 0)).all():
             raise ValueError("a ball of this radius is too large for a bend of the surface")
@@ -236,10 +229,9 @@ def _turned(surface: NURBSSurface) -> NURBSSurface:
 def _solved(matrices: Floats, right: Floats) -> Floats:
     """Return the solutions of linear systems (n, 3, 3); raise ValueError where there is none."""
     try:
-        solution: Floats = np.linalg.solve(matrices, right[..., None])[..., 0]
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], dtype=np.float64)
     except np.linalg.LinAlgError:
         raise ValueError("no ball of this radius touches wall and surface") from None
-    return solution
 
 
 def _products(rows: Sequence[Floats], columns: Sequence[Floats]) -> Floats:

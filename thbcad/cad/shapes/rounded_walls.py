@@ -18,7 +18,7 @@ from thbcad.splines import NURBSCurve
 
 @dataclass(frozen=True, eq=False)
 class RoundedWall:
-    """The `Wall` of a rounded edge; s is the parameter of the outline's pieces, v runs upward from 0 to 1."""
+    """The `Panels` of a rounded edge; s is the parameter of the outline, v runs upward from 0 to 1."""
 
     edge: RoundedEdge
 
