@@ -209,8 +209,8 @@ class _Ball:
         ball where it touches them: 1 - radius x curvature is positive in both directions."""
         on_surface, n, on_wall, _ = self.contacts(t)
         dx, dy = self.wall.outline.pieces[self.k]((t[1:] + t[:-1]) / 2, 1)
-        for points in (on_surface, on_wall, on_surface - self.radius * n):
-            step = np.diff(points, axis=0)
+        for line in (on_surface, on_wall, on_surface - self.radius * n):
+            step = np.diff(line, axis=0)
             if not (step[:, 0] * dx + step[:, 1] * dy > 0).all():
                 raise ValueError("a ball of this radius is too large for a corner of the wall")
         x, y, _ = on_surface.T
