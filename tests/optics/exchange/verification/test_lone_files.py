@@ -7,13 +7,12 @@ import pytest
 from optics.exchange.verification.lone_file import bare_checks, text_checks_of
 from optics.exchange.verification.step_file import StepFile
 from tests.optics.cases import failing, rough
+from tests.thbcad.cad.shapes.cases import rounded_by_occt
 from thbcad import FreeformSurface, Lens, write_step
 from thbcad.cad.exchange import part_step
-from thbcad.cad.shapes import moulded_part
 from thbcad.hierarchy import THBSpace
 from thbcad.io import parse_brep
 from thbcad.lens import Product
-from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -61,9 +60,9 @@ def test_front_and_rear_of_a_file_are_proven_apart_within_their_outline(tmp_path
 
 @pytest.mark.slow
 def test_a_file_with_rounded_edges_is_read_and_says_what_occt_alone_measures(tmp_path):
-    """OCCT's roundings have degrees of 12 and more."""
-    body = MouldedBody.of(round_lens(OUTLINES["round"]), BodyOptions(3, edge_radius=0.2))
-    (tmp_path / "body.step").write_bytes(part_step(moulded_part(body), Product(), "AP242"))
+    """OCCT's roundings have a degree of 14, as parts that other programs of its kernel make."""
+    part = rounded_by_occt(round_lens(OUTLINES["round"]), 0.2)
+    (tmp_path / "body.step").write_bytes(part_step(part, Product(), "AP242"))
     file = StepFile(tmp_path / "body.step")
     checks, left_out = bare_checks(file)
     assert failing(checks) == []
