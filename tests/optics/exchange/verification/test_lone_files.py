@@ -10,9 +10,11 @@ from tests.optics.cases import failing, rough
 from tests.thbcad.cad.shapes.cases import rounded_by_occt
 from thbcad import FreeformSurface, Lens, write_step
 from thbcad.cad.exchange import part_step
+from thbcad.cad.shapes import moulded_part
 from thbcad.hierarchy import THBSpace
 from thbcad.io import parse_brep
 from thbcad.lens import Product
+from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.sags import Conic
 from thbcad.splines import BSplineSurface, KnotVector
 from thbcad.surfaces import THBSurface
@@ -70,4 +72,14 @@ def test_a_file_with_rounded_edges_is_read_and_says_what_occt_alone_measures(tmp
     (measured,) = (sentence for sentence in left_out if sentence.startswith("volume and area"))
     assert "must be a plane, a spline up to degree 10" in measured
     assert f"OCCT alone finds {file.state.volume:.9g} mm3" in measured
+
+
+@pytest.mark.slow
+def test_a_body_with_rounded_edges_is_measured_by_its_text(tmp_path):
+    """Its walls taper, so that they are not those over one outline."""
+    body = MouldedBody.of(round_lens(OUTLINES["round"]), BodyOptions(3, edge_radius=0.2))
+    (tmp_path / "body.step").write_bytes(part_step(moulded_part(body), Product(), "AP242"))
+    checks, left_out = bare_checks(StepFile(tmp_path / "body.step"))
+    assert failing(checks) == []
+    assert not any(sentence.startswith("volume and area") for sentence in left_out)
     assert sum("crossings of front and rear" in sentence for sentence in left_out) == 1
