@@ -28,5 +28,5 @@ def test_a_part_with_splines_of_degree_14_is_read_by_every_reader(tmp_path):
     assert same_bits(read.rear, optical_forms(LENS)[1])
     assert len(spline_faces(read.shape)) == sum(face.surface is not None for face in text.faces)
     assert part_mesh(Part(read.shape, part.names, faces_of(read.shape)), 0.05).chord <= 0.05
-    with pytest.raises(ValueError, match="degree must be an integer from 1 to 10, got 1[34]"):
+    with pytest.raises(ValueError, match=r"degree must be an integer from 1 to 10, got 1[34]"):
         read_faces(path)
