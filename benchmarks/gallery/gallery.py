@@ -1,4 +1,4 @@
-"""Every example, those of the [gallery](gallery.md) first, as a user designs it: with its time, error and light.
+"""Every example, those of the [gallery](gallery.md) first, as a user designs it: time, error and light.
 
 Run: thbcad bench gallery; `make gallery` stores the rows, and writes the page and its pictures.
 """
@@ -32,8 +32,8 @@ CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictu
 
 
 def rows(only: int | None = None) -> list[Row]:
-    """Design the lenses of the gallery and all other examples into build/gallery, and return time, error, light
-    and degrees of freedom of each.
+    """Design the lenses of the gallery and all other examples into build/gallery, and return time, error,
+    light and degrees of freedom of each.
 
     only : the number of one lens, from 1.
     """
