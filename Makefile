@@ -9,7 +9,7 @@
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
 # make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
-# make gallery  designs the lenses of docs/gallery.md, some ten minutes, and writes that page with its pictures
+# make gallery  designs all examples, an hour or so, and writes docs/gallery.md with its pictures
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
 PYTHON ?=

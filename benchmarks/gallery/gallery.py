@@ -1,4 +1,4 @@
-"""The lenses of the [gallery](gallery.md): each as a user designs it, with its time, its error and its light.
+"""Every example, those of the [gallery](gallery.md) first, as a user designs it: time, error and light.
 
 Run: thbcad bench gallery; `make gallery` stores the rows, and writes the page and its pictures.
 """
@@ -14,6 +14,7 @@ from benchmarks.designs.design_run import DesignRun, rel_l2_row, run_design
 from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, UNIFORMITY, commands, page_text
 from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
+from benchmarks.gallery.other_examples import other_examples
 from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
 from benchmarks.page_picture import keep
 from benchmarks.rows.row import Row
@@ -31,7 +32,8 @@ CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictu
 
 
 def rows(only: int | None = None) -> list[Row]:
-    """Design the lenses into build/gallery, and return time, error, light and degrees of freedom of each.
+    """Design the lenses of the gallery and all other examples into build/gallery, and return time, error,
+    light and degrees of freedom of each.
 
     only : the number of one lens, from 1.
     """
@@ -40,6 +42,9 @@ def rows(only: int | None = None) -> list[Row]:
     DESIGNS.mkdir(parents=True, exist_ok=True)
     chosen = LENSES if only is None else LENSES[only - 1 : only]
     runs = {lens.name: _designed(lens) for lens in chosen}
+    if only is None:
+        for name, problem in other_examples().items():
+            runs[name] = run_design(problem, DESIGNS / name, must_pass=False)  # the light of some is a study
     table = [row for name, run in runs.items() for row in _rows(name, run)]
     return [*table, Row("all", sum(run.seconds for run in runs.values()), "s")]
 

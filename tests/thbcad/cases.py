@@ -265,11 +265,3 @@ def scipy_twin(surface):
     """The same polynomial surface, by scipy alone."""
     kv_u, kv_v = surface.knot_vectors
     return NdBSpline((kv_u.knots, kv_v.knots), surface.coefficients, (kv_u.degree, kv_v.degree))
-
-
-def one_line(data):
-    """Return STEP text without what is free: its lines, and what is said of the knots' distribution."""
-    text = data.decode("ascii").replace("\n", "")
-    return text.replace(".QUASI_UNIFORM_KNOTS.", ".UNSPECIFIED.").replace(
-        ".PIECEWISE_BEZIER_KNOTS.", ".UNSPECIFIED."
-    )

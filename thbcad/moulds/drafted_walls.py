@@ -1,14 +1,13 @@
 """Walls that taper from a level outline by the same angle everywhere, and where they meet a surface."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, Integers
-from thbcad.lens import FreeformSurface, Lens, Rim, optical_forms
+from thbcad.checks import Floats
+from thbcad.lens import FreeformSurface, Lens, optical_forms
+from thbcad.moulds.wall_rims import NODES, SAMPLES, FittedPiece, Foot, Lines, crossings, knot_lines
 from thbcad.outlines import (
     RELATIVE,
     Arc,
@@ -18,79 +17,14 @@ from thbcad.outlines import (
     cross,
     fitted_curve,
     integral_within,
-    kinks,
     merged_breaks,
 )
 from thbcad.sags import PlacedConic
-from thbcad.splines import BSplineSurface, KnotVector, gauss_rule
 
 STEPS = 60  # of Newton's method, which doubles its digits; slopes near its limit cost more
 FOUND = 1e-13  # mm, relative to the size of the wall
 ROUGH = 257  # samples of a piece of a rim whose heights are wanted about
-SAMPLES = 4096  # of a rim on which crossings with knot lines are looked for
-BISECTIONS = 40  # of a crossing between two samples
 TINY = 1e-300
-NODES = 12  # of the Gauss rule in every span of a rim
-Points = Callable[[Floats], Floats]  # of parameters (n,), returns (n, 3), mm
-
-
-@dataclass(frozen=True, eq=False)
-class FittedPiece:
-    """A piece of a rim, a spline (x, y, z) of t."""
-
-    kv: KnotVector
-    poles: Floats
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The least and the greatest parameter."""
-        return self.kv.domain
-
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> tuple[Floats, Floats]:
-        """Return (x, y), or its first derivative, at parameters t, (n,) each."""
-        x, y, _ = np.asarray(self.kv.collocation(np.asarray(t), derivative) @ self.poles).T
-        return x, y
-
-    def rule(self, x: Floats, y: Floats, degree: int) -> tuple[Floats, Floats]:
-        """Return nodes and weights of Gauss rules in the spans, between which it crosses no knot line."""
-        return gauss_rule(self.kv.breaks, NODES)
-
-    def height(self, t: Floats) -> Floats:
-        """Return z at parameters t, (n,)."""
-        return np.asarray(self.kv.collocation(t) @ self.poles[:, 2])
-
-
-@dataclass(frozen=True, eq=False)
-class Foot:
-    """Where a wall meets a surface.
-
-    pieces : of the rim, counter-clockwise: lines and arcs at the height `level`, or fitted ones, with None
-    """
-
-    pieces: Sequence[RimPiece | FittedPiece]
-    level: float | None
-
-    @property
-    def rims(self) -> list[Rim]:
-        """Knots and poles (x, y, z) of the fitted pieces."""
-        return [(piece.kv, piece.poles) for piece in self.pieces if isinstance(piece, FittedPiece)]
-
-    @property
-    def heights(self) -> tuple[float, float]:
-        """Bounds of z, mm, those of the poles."""
-        if self.level is not None:
-            return self.level, self.level
-        z = np.concatenate([poles[:, 2] for _, poles in self.rims])
-        return float(z.min()), float(z.max())
-
-    @property
-    def area(self) -> float:
-        """The area within, mm^2, of (x dy - y dx) / 2 round it."""
-        total = 0.0
-        for piece in self.pieces:
-            t, weights = piece.rule(np.zeros(0), np.zeros(0), NODES)
-            total += float(weights @ cross(np.array(piece(t)), np.array(piece(t, 1)))) / 2
-        return total
 
 
 @dataclass(frozen=True)
@@ -176,7 +110,7 @@ class DraftedWall:
             z = z - rest / (self.slope * self.side * by_inset - 1)
         raise ValueError("the wall and the surface are too nearly parallel for their rim to be found")
 
-    def _rim(self, k: int, surface: FreeformSurface, vertex: float, graph: BSplineSurface) -> FittedPiece:
+    def _rim(self, k: int, surface: FreeformSurface, vertex: float, lines: Lines) -> FittedPiece:
         """Return where piece k meets a surface, within 1e-9 mm at eight points of every span."""
         ends = self._pair[0][k].ends
 
@@ -185,7 +119,7 @@ class DraftedWall:
             x, y, _, _ = self.points(k, t, z)
             return np.column_stack([x, y, z])
 
-        places, counts = _crossings(curve, np.linspace(*ends, SAMPLES), graph)
+        places, counts = crossings(curve, np.linspace(*ends, SAMPLES), lines)
         return FittedPiece(*fitted_curve(curve, *merged_breaks(places, counts, *ends)))
 
     def rough_heights(self, lens: Lens, number: int) -> tuple[float, float]:
@@ -206,8 +140,8 @@ class DraftedWall:
         if level is not None:
             return Foot(self.at(level).pieces, level)
         surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
-        graph = lens.own_graphs()[number]
-        return Foot(tuple(self._rim(k, surface, vertex, graph) for k in range(len(self._pair[0]))), None)
+        lines = knot_lines(surface)
+        return Foot(tuple(self._rim(k, surface, vertex, lines) for k in range(len(self._pair[0]))), None)
 
     def level_rim(self, lens: Lens, number: int) -> float | None:
         """Return the z of a rim that is level: on a plane, and round the axis of a conic; None of others."""
@@ -221,15 +155,17 @@ class DraftedWall:
         surface, vertex = (lens.front, lens.rear)[number], number * lens.thickness
         return float(self.heights(0, np.zeros(1), surface, vertex)[0])
 
-    def volume(self, lens: Lens, number: int, foot: Foot) -> float:
+    def volume(self, lens: Lens, number: int, rim: Foot, foot: Foot) -> float:
         """Return the volume between the level and the front (0) or the rear (1) of a lens, within the wall,
-        mm^3; that below the level counts as negative.
+        mm^3; that below the level counts as negative.  Left out is what lies under a rounding between both.
 
-        Over the foot it is the integral of z - level.  Round it, with the inset s up to S and
+        rim : where the front or rear ends.  foot : where the wall ends, the same without a rounding.
+
+        Within the rim it is the integral of z - level.  Round it, with the inset s up to S and
         J = x_t y_s - y_t x_s = a + b s, the wall adds the integral of (a S^2 / 2 + b S^3 / 3) / slope dt.
         """
         graph, vertex = lens.graphs()[number], number * lens.thickness
-        over = integral_within(graph, foot.pieces) + (vertex - self.level) * foot.area
+        over = integral_within(graph, rim.pieces) + (vertex - self.level) * rim.area
         if not self.slope:
             return over
         outer, inner, depth = self._pair
@@ -257,20 +193,3 @@ def _from_ellipse(x: Floats, y: Floats, a: float, b: float) -> Floats:
     apart = np.hypot(a * np.cos(t) - x, b * np.sin(t) - y)
     signed: Floats = np.copysign(apart, np.hypot(x / a, y / b) - 1)
     return signed
-
-
-def _crossings(curve: Points, t: Floats, graph: BSplineSurface) -> tuple[Floats, Integers]:
-    """Return where a curve (x, y, z) of samples t crosses the inner knot lines of a graph, and how often each
-    must be a knot."""
-    lines = [kinks(kv) for kv in (graph.kv_u, graph.kv_v)]
-    axis = np.repeat([0, 1], [len(values) for values, _ in lines])
-    level, count = (np.concatenate(rows) for rows in zip(*lines))
-    beside = curve(t)[:, axis] - level
-    sample, line = np.nonzero(beside[:-1] * beside[1:] < 0)
-    low, high = t[sample], t[sample + 1]
-    for _ in range(BISECTIONS if len(line) else 0):
-        middle = (low + high) / 2
-        at = curve(middle)[np.arange(len(line)), axis[line]] - level[line]
-        left = at * beside[sample, line] > 0
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return low, count[line]

@@ -9,9 +9,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from thbcad.certified import greatest_slope, minimum, value_range
+from thbcad.certified import greatest_slope
 from thbcad.checks import Floats
-from thbcad.lens import Lens, require_sound, segment
+from thbcad.lens import Lens
+from thbcad.moulds.body_proofs import require_glass, require_parting, require_radius
 from thbcad.moulds.body_walls import (
     BodyOptions,
     inner_wall,
@@ -19,10 +20,11 @@ from thbcad.moulds.body_walls import (
     middle_of_rims,
     outline_and_smaller,
 )
-from thbcad.moulds.drafted_walls import DraftedWall, Foot
+from thbcad.moulds.drafted_walls import DraftedWall
 from thbcad.moulds.inserts import FACES
+from thbcad.moulds.rolling_ball import RoundedEdge, rounded_edge
+from thbcad.moulds.wall_rims import Foot
 from thbcad.outlines import LEAST_SIZE, RELATIVE, Outline
-from thbcad.sags import gap_graph
 
 ROUGH = 1e-2  # relative, of bounds that need no more
 
@@ -73,10 +75,10 @@ class MouldedBody:
             parting = inner.level if inner is not None else middle_of_rims(lens, outline)
         pair = tuple(DraftedWall(outline, float(parting), options.draft, side) for side in (-1, 1))
         body = cls(lens, (pair[0], pair[1]), inner, small, options.edge_radius)
-        body._require_parting()
-        body._require_glass()
+        require_parting(body)
+        require_glass(body)
         if body.edge_radius:
-            body._require_radius()
+            require_radius(body)
         if clear is not None:
             body.require_clear(clear)
         return body
@@ -110,6 +112,12 @@ class MouldedBody:
         """Where walls meet front and rear."""
         return self.wall(0).foot(self.lens, 0), self.wall(1).foot(self.lens, 1)
 
+    def ends(self, number: int) -> tuple[Foot, Foot]:
+        """Return where the front (0) or the rear (1) ends, and where the wall next to it does: on their rim,
+        or along the rounding between them."""
+        edge = self.rounded_edges.get(number)
+        return (edge.on_surface, edge.on_wall) if edge is not None else (self.feet[number],) * 2
+
     @property
     def stepped(self) -> bool:
         """Whether a wall leads from the land to the smaller surface."""
@@ -129,13 +137,16 @@ class MouldedBody:
 
     def volume(self) -> float:
         """Return the volume, mm^3, by Gauss rules along the rims."""
-        held = [self.wall(k).volume(self.lens, k, self.feet[k]) for k in (0, 1)]
+        held = [self.wall(k).volume(self.lens, k, *self.ends(k)) for k in (0, 1)]
+        rounded = sum(
+            (2 * k - 1) * edge.volume_above(self.walls[k].level) for k, edge in self.rounded_edges.items()
+        )
         if self.inner is None or self.small is None:
-            return held[1] - held[0]
+            return rounded + held[1] - held[0]
         land, across = self.inner.level, self.walls[self.small]
         areas = [across.at(z).area for z in (land, (land + self.parting) / 2, self.parting)]
         frustum = abs(land - self.parting) * (areas[0] + 4 * areas[1] + areas[2]) / 6
-        return frustum + held[1] - held[0]
+        return frustum + rounded + held[1] - held[0]
 
     @property
     def rounded(self) -> tuple[int, ...]:
@@ -195,26 +206,10 @@ class MouldedBody:
         across = radius * (1 / np.cos(draft) + np.sin(np.arctan(slope)))
         return float(across * (1 + np.tan(draft) * slope)), float(radius + across * slope)
 
-    def _require_radius(self) -> None:
-        """Raise ValueError where a rounded edge is not proven to fit between its rim and the next edge."""
-        if self.outline.is_rectangle:
-            raise ValueError(
-                "edge_radius needs an outline without sharp corners, where OCCT's roundings meet within "
-                '1e-6 mm: take lens.outline = "rounded" or edge_radius 0'
-            )
-        rims = [self.feet[k].heights[1 - k] for k in (0, 1)]
-        ends = [self.inner.level if self.inner is not None and self.small == k else rims[k] for k in (0, 1)]
-        if self.walls[0].draft:
-            rooms = [abs(end - self.parting) for end in ends]
-        else:
-            rooms = [abs(ends[1] - ends[0]) / max(1, len(self.rounded))] * 2
-        for k in self.rounded:
-            needed = self._radius_reach(k)[1]
-            if needed > rooms[k]:
-                raise ValueError(
-                    f"edge_radius = {self.edge_radius:g} mm needs up to {needed:.6g} mm of the wall at the "
-                    f"{FACES[k]}, which has {rooms[k]:.6g} mm; make it smaller"
-                )
+    @cached_property
+    def rounded_edges(self) -> dict[int, RoundedEdge]:
+        """The rounded edges by 0 for the front and 1 for the rear."""
+        return {k: rounded_edge(self.walls[k], self.lens, k, self.edge_radius) for k in self.rounded}
 
     def require_clear(self, clear: tuple[Outline, Outline]) -> None:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
@@ -237,62 +232,6 @@ class MouldedBody:
         off = [abs(wall.beside(x, y, z)).max() for wall in (*self.walls, self.inner) if wall is not None]
         off += [abs(z - self.inner.level).max()] if self.inner is not None else []
         return float(min(off))
-
-    def _require_parting(self) -> None:
-        """Raise ValueError where the parting line is not proven to lie between both ends of the walls."""
-        for k, word in enumerate(FACES):
-            side = 2 * k - 1
-            if self.small == k and self.inner is not None:
-                beyond, place = side * (self.inner.level - self.parting), "land"
-                least = 0.0
-            else:
-                heights = self.feet[k].heights
-                beyond, place = side * (heights[1 - k] - self.parting), f"{word}'s rim"
-                least = LEAST_SIZE
-            for z in self.feet[k].heights:
-                self.wall(k).at(z)  # something is left of its corners
-            if beyond < least:
-                raise ValueError(
-                    f"the parting line at z = {self.parting:.9g} mm must lie {'below' if k else 'above'} the "
-                    f"{place}, which reaches z = {self.parting + side * beyond:.9g} mm; change "
-                    "lens.body.parting"
-                )
-
-    def _require_glass(self) -> None:
-        """Raise ValueError where the surfaces, or the land and the larger one, are not proven apart."""
-        lens, small = self.lens, self.small
-        if self.inner is None or small is None:
-            require_sound(lens)
-            return
-        side, land = self.inner.side, self.inner.level
-        if self.stepped and min(side * (z - land) for z in self.feet[small].heights) < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {land:.9g} mm meets the drafted rim of the {FACES[small]}; change "
-                "lens.body.land"
-            )
-        width = least_support(self.walls[small].at(land), self.inner.outline)
-        if width < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {land:.9g} mm has no width: the drafted wall leaves {width:.3g} mm round "
-                f"the {FACES[small]}; make lens.body.draft smaller"
-            )
-        graphs = list(lens.graphs())
-        half = list((lens.front, lens.rear)[small].half_width)
-        graphs[1 - small] = segment(graphs[1 - small], half)
-        least = minimum(gap_graph(graphs[0], graphs[1], lens.thickness))
-        if least.lower < LEAST_SIZE:
-            raise ValueError(
-                f"at x = {least.u:.6g}, y = {least.v:.6g} mm front and rear are {least.value:.6g} mm apart; "
-                "raise lens.thickness"
-            )
-        other = value_range(lens.graphs()[1 - small], outline=self.outline)
-        nearest = lens.thickness + other[0].lower if small == 0 else other[1].upper
-        room = (nearest - self.inner.level) * (1 if small == 0 else -1)
-        if room < LEAST_SIZE:
-            raise ValueError(
-                f"the land at z = {self.inner.level:.9g} mm must lie outside of the {FACES[1 - small]}, "
-                f"which reaches z = {nearest:.9g} mm; raise lens.thickness or change lens.body.annulus"
-            )
 
 
 Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as

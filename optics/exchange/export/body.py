@@ -95,11 +95,6 @@ class Body:
                 "ones of x and y"
             )
 
-    @property
-    def rounded(self) -> bool:
-        """Whether the solid is a moulded body with rounded edges, of which no closed form says the volume."""
-        return self.is_moulded and self.moulded is not None and self.moulded.edge_radius > 0
-
     def enlarged(self, lens: Lens) -> tuple[Lens, Body]:
         """Return the lens and the options in the size of the mould, and nothing left to enlarge."""
         if self.factors == UNCHANGED:
@@ -176,7 +171,7 @@ class Body:
         return body_mesh(lens, chord, self.aperture, self.flange, single, self.polygon)
 
     def volume(self, lens: Lens) -> float:
-        """Return the volume in mm^3 by quadrature over the splines; of a body with sharp edges."""
+        """Return the volume in mm^3 by quadrature over the splines."""
         if self.cavity is not None:
             return self._insert(lens, self.cavity).volume()
         if self.moulded is not None:

@@ -152,8 +152,6 @@ def export(
         ("--patches needs", body.patches, ("step",)),
         ("--separate needs", body.separate, SOLIDS),
         ("--cavity needs", body.cavity is not None, SOLIDS),
-        # OCCT makes roundings of degree 12, which is read where faces have names
-        ("lens.body.edge_radius needs", body.rounded, ("step", *MESHES, *OF_SURFACES)),
         (
             "a drawing shows the lens without lens.body, of lens.json of the result; lens.body needs",
             body.is_moulded,
@@ -262,7 +260,7 @@ def _solid(lens: Lens, name: str, path: Path, body: Body, labels: Labels) -> tup
         return files, patch_checks(lens, path, len(part.faces))
     read = {"step": read_step, "iges": read_iges, "brep": read_brep}[name](path)
     checks = solid_checks(lens, read, name, len(part.faces), body)
-    walled = body.shaped or body.cavity is not None or (body.is_moulded and not body.rounded)
+    walled = body.shaped or body.cavity is not None or body.is_moulded
     if name == "step" and walled:  # by its text, without OCCT
         limit = FITTED_VOLUME if body.fitted(lens) else EXACT_VOLUME
         checks.append(volume_check(parse_brep(path), body.volume(lens), limit))

@@ -52,14 +52,7 @@ def solid_checks(lens: Lens, read: SolidFile, name: str, faces: int, body: Body)
     from optics.exchange.verification import differing_numbers, surface_deviation  # OCCT
 
     by = f"{name.upper()} read back by OCCT"
-    if body.rounded:
-        more = max(0.0, read.volume / body.volume(lens) - 1)
-        checks = [
-            *state_checks(read, by, faces),
-            Check(f"volume beyond that with sharp edges, relative, {by}", more, VOLUME, ""),
-        ]
-    else:
-        checks = _whole_checks(read, by, faces, body.volume(lens))
+    checks = _whole_checks(read, by, faces, body.volume(lens))
     for face, (word, exact, surface, vertex) in zip((read.front, read.rear), body.optical(lens)):
         differing = differing_numbers(face, exact)
         off = surface_deviation(face, surface, vertex, body.is_moulded)
@@ -110,12 +103,10 @@ def mesh_checks(
     """
     read = read_mesh(path, name)
     by = f"{name.upper()} read back by {READERS[name][0]}"
-    off, against = read.volume - body.volume(lens), "against the closed form"
-    if body.rounded:
-        off, against = max(off, 0.0), "beyond that with sharp edges"
+    off = read.volume - body.volume(lens)
     checks = [
         *triangle_checks(read, mesh, by),
-        Check(f"volume {against}, {by}", abs(off), chord * read.area, "mm^3"),
+        Check(f"volume against the closed form, {by}", abs(off), chord * read.area, "mm^3"),
     ]
     if checks[0].ok:
         corners = read.vertices.view(np.ndarray)

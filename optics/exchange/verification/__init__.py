@@ -24,7 +24,6 @@ if TYPE_CHECKING:
         FITTED_VOLUME,
         ExportedStep,
         StepFile,
-        has_closed_form,
         optical_faces,
         optical_form,
         state_checks,

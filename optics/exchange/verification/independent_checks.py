@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 RAYS = (22, 23)  # in x and y; of sources that take a power of two, 512
 ROUNDING = 1e-12  # of the direction of a line, and of the place of a plane
-ROUNDED = 1e-6  # mm, within which OCCT makes rounded edges
 FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every span
 ALONG = 33  # points of an edge that are compared
 
@@ -119,13 +118,15 @@ def _other_walls(faces: Sequence[BrepFace], lens: Lens) -> int:
 
 
 def _is_wall(face: BrepFace, edges: Sequence[BrepEdge], body: MouldedBody) -> bool:
-    """Return whether the edges of a face lie on one wall of a body or on its land, or round its edges."""
+    """Return whether the edges of a face lie on one wall of a body or on its land, or whether it has the
+    numbers of a rounded edge."""
     if face.name.startswith("radius"):
-        return True
+        own = (surface for edge in body.rounded_edges.values() for surface in edge.surfaces)
+        return any(differing_numbers(face.surface, surface) == 0 for surface in own)
     numbers = {number for loop in face.loops for number, _ in loop}
     spans = [(edge, span) for edge in edges if edge.number in numbers and (span := edge_span(edge))]
     points = np.concatenate([edge.points(np.linspace(*span, ALONG)) for edge, span in spans])
-    return body.off_walls(*points.T) <= (ROUNDED if body.rounded else FITTED)
+    return body.off_walls(*points.T) <= FITTED
 
 
 def _stands_on(face: BrepFace, piece: RimPiece) -> bool:

@@ -51,7 +51,7 @@ class StepFile:
 
     @cached_property
     def has_rims(self) -> bool:
-        """Whether the curves of `rims` are known: those that OCCT makes beside a rounding have degree 14."""
+        """Whether the curves of `rims` are known: other programs may write splines of a degree above 10."""
         faces = (self.text.faces[k] for k in optical_faces(self.text))
         return all(edge_span(edge) is not None for face in faces for edge in FaceRim.edges(self.text, face))
 
@@ -133,15 +133,10 @@ def faces_besides(made: Made, found: int) -> tuple[str, int]:
     return f"faces besides the {COUNTS.get(expected, expected)} expected", abs(found - expected)
 
 
-def has_closed_form(made: Made) -> bool:
-    """Return whether a closed form says the volume: not of a body with rounded edges."""
-    return isinstance(made, Lens) or not made.rounded
-
-
 def text_solid_checks(solid: Brep, made: Made) -> list[Check]:
     """Return the Checks of what the text says of a whole solid: its volume, and the lenses of a plate."""
     limit = EXACT_VOLUME if isinstance(made, Lens) else FITTED_VOLUME
-    volumes = [volume_check(solid, made.volume(), limit)] if has_closed_form(made) else []
+    volumes = [volume_check(solid, made.volume(), limit)]
     if isinstance(made, Lens):
         return volumes
     from thbcad.moulds import Plate  # lenses need none of its proofs

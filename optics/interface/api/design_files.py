@@ -30,7 +30,6 @@ from optics.designing.progress import DesignProgress, RunClock
 from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files, shape_file
 from optics.exchange.verification import (
     StepFile,
-    has_closed_form,
     light_checks,
     text_solid_checks,
 )
@@ -131,7 +130,6 @@ class _Export:
         traced: tuple[OpticalSystem, Lens] | None,
     ) -> None:
         self.part, self._file = part, StepFile(path)
-        self.left_out = [LEFT_OUT] if has_closed_form(part.made) else []
         ask = partial(solids.ask, "optics.exchange.verification")
         self._written: Future[list[Check]] = ask("export_step", part, problem.export.schema, path)
         self.read: Future[Any] = (
@@ -164,7 +162,7 @@ def verified(design: DesignRecord) -> Claims:
 
 def _verification(design: DesignRecord, checks: Sequence[Check], export: _Exports) -> Claims:
     """Return checks as in verify.json, and what they leave out: bodies of a scene that shade light, too."""
-    left_out, fates = export.own.left_out, design.measurement.metrics[design.system.units.key("fates")]
+    left_out, fates = [LEFT_OUT], design.measurement.metrics[design.system.units.key("fates")]
     shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
     if shaded and design.system.shaded_path(design.lens).bodies:
         share = shaded / sum(fates.values())

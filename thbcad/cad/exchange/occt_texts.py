@@ -109,7 +109,7 @@ def printed(writer: StepData_StepWriter | IGESData_IGESWriter, protocol: Interfa
 def compact(text: str) -> str:
     """Return OCCT's STEP text in its shortest form: the numbers keep their bits, the texts are as ISO
     10303-21 edition 3 wants them."""
-    known = ShortestTexts()
+    known = _ShortestTexts()
 
     def shorter(token: re.Match[str]) -> str:
         whole = token[0]
@@ -124,7 +124,7 @@ def compact(text: str) -> str:
     return TOKEN.sub(shorter, text)
 
 
-class ShortestTexts(dict[float, str]):
+class _ShortestTexts(dict[float, str]):
     """The shortest text of a real that reads back to the same bits, but for -0.0, which is 0."""
 
     def __missing__(self, value: float) -> str:

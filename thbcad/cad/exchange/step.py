@@ -25,7 +25,6 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material, XCAFDoc_ShapeTool
 
-from thbcad.cad.exchange.long_surfaces import shortened, with_whole
 from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, silence
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
@@ -49,10 +48,7 @@ def step_bytes(solid: Made, product: Product | None = None, schema: str = "AP242
 
     product, schema : as `thbcad.write_step`, which also raises.  The same lens gives the same bytes.
     """
-    part = part_of(solid)
-    surfaces = shortened(part)
-    file = part_step(part, product_of(solid, product), schema)
-    return with_whole(file.decode("ascii"), surfaces).encode("ascii") if surfaces else file
+    return part_step(part_of(solid), product_of(solid, product), schema)
 
 
 def part_of(solid: Made) -> Part:

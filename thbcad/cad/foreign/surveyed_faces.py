@@ -91,13 +91,15 @@ class SurveyedFace:
 
     @cached_property
     def exact_spline(self) -> BSplineSurface | NURBSSurface | None:
-        """The spline under the face; of a surface of revolution a rational one with the same points."""
+        """The spline under the face; of a surface of revolution a rational one with the same points; None of
+        a degree above 10."""
         if self.kind != "surface of revolution":
             return self.spline
         trimmed = Geom_RectangularTrimmedSurface(
             BRep_Tool.Surface_s(self.face), *BRepTools.UVBounds_s(self.face)
         )
-        return spline_surface(GeomConvert.SurfaceToBSplineSurface_s(trimmed))
+        surface = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
+        return spline_surface(surface) if max(surface.UDegree(), surface.VDegree()) <= MAX_DEGREE else None
 
     @cached_property
     def area(self) -> float:

@@ -62,7 +62,7 @@ class Ring:
     heights: Sequence[float]
 
 
-class Wall(Protocol):
+class Panels(Protocol):
     """The surfaces round an outline, one panel per edge of its rings, with parameters (s, v), v upward."""
 
     @property
@@ -75,11 +75,15 @@ class Wall(Protocol):
     def strut(self, corner: int) -> Geom_Curve:
         """Return the curve s = const through vertex `corner`, whose parameter is v."""
 
+
+class Wall(Panels, Protocol):
+    """`Panels` that can be cut at a height."""
+
     def level(self, z: float) -> Ring:
         """Return the ring at a height."""
 
 
-def wall_faces(wall: Wall, low: Ring, high: Ring) -> list[TopoDS_Face]:
+def wall_faces(wall: Panels, low: Ring, high: Ring) -> list[TopoDS_Face]:
     """Return the faces of a wall between two of its rings, normals outward."""
     count = len(wall.ends)
     struts = [
@@ -90,7 +94,7 @@ def wall_faces(wall: Wall, low: Ring, high: Ring) -> list[TopoDS_Face]:
 
 
 def _panel(
-    wall: Wall,
+    wall: Panels,
     k: int,
     rings: tuple[Ring, Ring],
     struts: tuple[TopoDS_Shape, TopoDS_Shape],

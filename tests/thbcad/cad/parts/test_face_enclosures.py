@@ -9,17 +9,14 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from scipy.spatial import ConvexHull
 
 from tests.thbcad.cad.parts.cases import LENSES, box, located, motions, rod
+from tests.thbcad.cad.shapes.cases import rounded_by_occt
 from thbcad.cad.exchange import edges_of, face_triangles, faces_of
 from thbcad.cad.parts import faces_within
 from thbcad.cad.parts.face_enclosures import edge_pieces, face_pieces, split
-from thbcad.cad.shapes import lens_part, moulded_part
+from thbcad.cad.shapes import lens_part
 from thbcad.certified import Stack, rectangle_supports, region_between
-from thbcad.lens import FreeformSurface, Lens
-from thbcad.moulds import BodyOptions, MouldedBody
-from thbcad.sags import Conic
 
 AXES = gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 2, 2))
-ROUND = [FreeformSurface((10, 10), Conic(r), corners=(10, 10)) for r in (80.0, -60.0)]
 SOLIDS = {
     "cylinder": rod(1, 2, 0.5, -3, 4),
     "cone": BRepPrimAPI_MakeCone(AXES, 2, 0.5, 3).Shape(),
@@ -27,7 +24,7 @@ SOLIDS = {
     "torus": BRepPrimAPI_MakeTorus(AXES, 4, 1).Shape(),
     "moved box": located(box(1, 2, 3, 4), motions()["screw"]),
     "lens": lens_part(LENSES["upright"]).solid,
-    "rounded body": moulded_part(MouldedBody.of(Lens(*ROUND, 6, 1.5), BodyOptions(3, edge_radius=0.3))).solid,
+    "rounded by OCCT": rounded_by_occt(LENSES["round"], 0.3).solid,
 }
 
 
@@ -49,7 +46,7 @@ def test_hulls_of_the_pieces_hold_the_face(name):
 def test_hulls_of_the_pieces_hold_edges_of_any_degree():
     """Beside roundings OCCT makes curves of degree 14."""
     degrees = set()
-    for edge in edges_of(SOLIDS["rounded body"]):
+    for edge in edges_of(SOLIDS["rounded by OCCT"]):
         curve = BRepAdaptor_Curve(edge)
         degrees.add(curve.Degree() if curve.GetType() == GeomAbs_BSplineCurve else 0)
         pieces = edge_pieces(edge)

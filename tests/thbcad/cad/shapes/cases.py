@@ -1,7 +1,11 @@
 """Lenses with elliptic apertures, and surfaces compared bit for bit."""
 
 import numpy as np
+from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+from OCP.TopAbs import TopAbs_SOLID
 
+from thbcad.cad.exchange import edges_of, explore, faces_of, optical_form
+from thbcad.cad.shapes import Part, lens_part
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, optical_forms
 from thbcad.sags import Conic, PlacedConic
@@ -58,6 +62,21 @@ CASES = {
         (3.0, 3.5),
     ),
 }
+
+
+def rounded_by_occt(lens, radius):
+    """Return the Part of a lens whose rear's rim OCCT has rounded, with splines of degree 14."""
+    part = lens_part(lens)
+    fillets = BRepFilletAPI_MakeFillet(part.solid)
+    fillets.SetParams(1e-2, 1e-4, 1e-5, 1e-8, 1e-8, 1e-3)
+    for edge in edges_of(part.faces[1]):
+        fillets.Add(radius, edge)
+    solid = explore(fillets.Shape(), TopAbs_SOLID)[0]
+    faces = faces_of(solid)
+    optical = {k: form.coefficients[..., 2].mean() for k, form in enumerate(map(optical_form, faces)) if form}
+    front, rear = sorted(optical, key=optical.get)
+    names = ["front" if k == front else "rear" if k == rear else f"face {k}" for k in range(len(faces))]
+    return Part(solid, names, faces)
 
 
 def same_bits(a, b):
