@@ -9,24 +9,22 @@ import re
 import shlex
 import tomllib
 
-import numpy as np
 import pytest
 
 from benchmarks.rows.quoted_numbers import quoted_rows
 from benchmarks.rows.stored_rows import read_rows
-from optics.interface.api import Design
 from optics.interface.commands import main, parsers
 from optics.scene.problem import load_problem
 from tests import test_examples as small_design
 from tests.cases import EXAMPLES, ROOT, shared_folder
 from tests.optics.cases import write_problem
 from tests.page_commands import INSTALLED, PAGES, Terminal, commands_of, read_by_others
+from tests.page_files import SMALL, make_folders, prepare
 
 COMMANDS = {path.relative_to(ROOT).as_posix(): commands_of(path) for path in PAGES}
 COMMANDS = {page: commands for page, commands in COMMANDS.items() if commands}
 GALLERY = "docs/gallery.md"  # its designs take minutes: smaller ones have a test of their own
 SPOKEN = re.compile(r"`(?:\.venv/bin/)?thbcad ([a-z]+)((?: [^`]*)?)`")
-TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 NOT_RUN = {  # pattern of a command: why no test runs it
     r"make .*": "it installs, or runs the tests themselves; its target is looked up",
@@ -37,7 +35,6 @@ NOT_RUN = {  # pattern of a command: why no test runs it
     r"(\.venv/bin/)?python -m pytest .*": "it runs tests; its path is looked up",
     r"dask .*": "another program, which runs until it is stopped",
 }
-SMALL = {"target.pixels": [16, 16], "optimizer.iterations": [2], "lens.rear.freeform.max_level": 1}
 FEW = "--set target.pixels=[32,32] --set lens.rear.freeform.max_level=2 --set optimizer.iterations=[2]"
 SMALLER = {  # pattern of a command: what makes it small, in slow tests too
     r"thbcad tolerance .* --samples 512.*": "--samples 16",
@@ -145,73 +142,6 @@ def results(tmp_path_factory):
             assert main(["design", str(folder / f"{name}.toml"), "--out", str(folder / name)]) in (0, 1)
 
     return shared_folder(tmp_path_factory, "results_of_pages", make)
-
-
-def prepare(page, folder, results):
-    """Put the files into the folder of a terminal that a page takes as given."""
-    make_folders(folder)
-    for name in ("pearl", "tophat_square") if page in GIVEN else ():
-        (folder / "exports" / name).symlink_to(results / name)
-    GIVEN.get(page, own_problem)(folder)
-
-
-def make_folders(folder):
-    """Make those that a checkout has, or that results go to."""
-    for name in ("examples", "exports"):
-        (folder / name).mkdir()
-
-
-def own_problem(folder):
-    """Write examples/my.toml, the problem that both first pages show."""
-    (problem,) = TOML.findall((ROOT / "README.md").read_text("utf-8"))
-    (folder / "examples" / "my.toml").write_text(problem, "utf-8")
-
-
-def variants(folder):
-    """Write my.toml, a small problem that the page varies, and another picture."""
-    write_problem(folder, SMALL | {"target.distance": 200.0}, name="my.toml")
-    (folder / "other.png").symlink_to(EXAMPLES / "others" / "astronaut.png")
-
-
-def measured(folder):
-    """Write points of the rear of the designed lens, and errors of it in nm."""
-    rear = Design.load(folder / "exports" / "pearl").lens.rear
-    x, y = np.random.default_rng(0).uniform(-9.9, 9.9, (2, 2000))
-    np.savetxt(folder / "rear.xyz", np.column_stack([x, y, rear(x, y)]))
-    np.savetxt(folder / "errors.csv", np.column_stack([x, y, 20 * np.cos(x)]), delimiter=",")
-
-
-def foreign(folder):
-    """Write part.step, a lens as another program might have it, and the problem that it is for."""
-    (folder / "part.step").symlink_to(folder / "exports" / "pearl" / "lens.step")
-    write_problem(folder, {"target.pixels": [16, 16]}, name="problem.toml")
-
-
-def mounted(folder):
-    """Write mount.toml, a flange around the lens."""
-    (folder / "mount.toml").write_text("[flange]\nsize = [30, 30]\nthickness = 2\n", "utf-8")
-
-
-def of_a_shop(folder):
-    """Write shop.toml, the tolerances that the page shows."""
-    (text,) = TOML.findall((ROOT / "docs" / "tolerances.md").read_text("utf-8"))
-    (folder / "shop.toml").write_text(text, "utf-8")
-
-
-def placeholder(folder):
-    """Make DIR a result."""
-    (folder / "DIR").symlink_to(folder / "exports" / "pearl")
-
-
-GIVEN = {  # pages that take results as given: what writes their other files
-    "docs/as_built.md": measured,
-    "docs/commands.md": variants,
-    "docs/parts.md": mounted,
-    "docs/reading.md": foreign,
-    "docs/sweeps.md": variants,
-    "docs/tolerances.md": of_a_shop,
-    "docs/tools.md": placeholder,
-}
 
 
 def stored(mark):
