@@ -15,6 +15,30 @@ SECONDS, ERROR, UNIFORMITY, LIGHT, FUNCTIONS = (
     "light on the target",
     "degrees of freedom",
 )
+# Rows of other benchmarks that measure the same lens: pages quote each number from one place.
+ELSEWHERE = {
+    **{
+        name: {
+            ERROR: f"overview: {name}: rel_l2",
+            LIGHT: f"overview: {name}: efficiency",
+            SECONDS: f"overview: {name}: {SECONDS}",
+        }
+        for name in ("pearl", "tophat_square", "tophat_circle")
+    },
+    **{
+        name: {
+            ERROR: f"others: {case}",
+            LIGHT: f"others: {case} > efficiency",
+            SECONDS: f"others: {case} > {SECONDS}",
+        }
+        for name, case in (
+            ("hobby", "hobbyist's photograph: rel_l2"),
+            ("text", "text, near target: RRMSE of unit means"),
+            ("flat_square", "square from a beam: rel_l2"),
+        )
+    },
+    "extended": {ERROR: "extended: extended: rel_l2, all paths", SECONDS: f"extended: extended: {SECONDS}"},
+}
 PICTURES = ("scene", "light", "solid")
 ACROSS = 5  # pictures of the contact sheet in a row
 INTRODUCTION = """\
@@ -23,8 +47,8 @@ INTRODUCTION = """\
 Lenses with their light and the commands that make them, each from one short problem file. `make gallery`
 designs all, and writes this page.
 
-- The time is that of the whole command, from its start to its report, on the machine that
-  [benchmarks](benchmarks.md#gallery) names.
+- The time is that of the whole command, from its start to its report, on the machines that
+  [benchmarks](benchmarks.md) names.
 - The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - U0 is the least over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
@@ -99,7 +123,8 @@ def _section(lens: Shown) -> str:
 
 def _mark(lens: Shown, row: str, like: str) -> str:
     """Return a number that `refreshed` fills in; like : its digits and unit."""
-    return f"{like}<!-- gallery: {lens.name}: {row} -->"
+    source = ELSEWHERE.get(lens.name, {}).get(row, f"gallery: {lens.name}: {row}")
+    return f"{like}<!-- {source} -->"
 
 
 def _anchor(lens: Shown) -> str:

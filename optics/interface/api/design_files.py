@@ -87,16 +87,20 @@ class _Exports:
         parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in other_parts(system)}
         self.files = [*parts]
         traced = {"lens.step": (system.plain, lens)}
+
+        def at(file: str) -> Path:
+            return place(file).absolute()  # a helper that is used again may have begun in another folder
+
         self.own, *self._fixed = (
-            _Export(solids, part, system.problem, place(file), traced.get(file))
+            _Export(solids, part, system.problem, at(file), traced.get(file))
             for file, part in parts.items()
         )
         self._scene = None
         if self._fixed:
             self.files.append(SCENE)
             room = "optics.exchange.assemblies"
-            written = {part.name: place(file) for file, part in parts.items()}
-            self._scene = solids.ask(room, "export_scene", system.plain, lens, place(SCENE), False, written)
+            written = {part.name: at(file) for file, part in parts.items()}
+            self._scene = solids.ask(room, "export_scene", system.plain, lens, at(SCENE), False, written)
 
     def designed(self) -> tuple[list[Check], LandingPoints]:
         """Return the checks of the designed element's file, and where that sends light."""

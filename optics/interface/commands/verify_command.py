@@ -257,5 +257,5 @@ def _by_optiland(
         note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
     else:
         room = "optics.exchange.verification"
-        return beside.ask(room, "optiland_checks", system.plain, lens, StepFile(file.path))
+        return beside.ask(room, "optiland_checks", system.plain, lens, StepFile(file.path.absolute()))
     return None

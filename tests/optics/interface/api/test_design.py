@@ -62,6 +62,16 @@ def test_a_saved_design_is_read_back_as_it_was(done):
     assert loaded.started_from_transport == design.started_from_transport
 
 
+def test_a_design_is_saved_below_the_current_folder(done, tmp_path, monkeypatch):
+    """Also by a helper process that was begun in another one, as `verify` begins one and keeps it."""
+    design, _, _ = done
+    design.verify()
+    monkeypatch.chdir(tmp_path)
+    folder = design.save("result")
+    assert (tmp_path / "result" / "lens.step").is_file()
+    assert not folder.is_absolute()
+
+
 def test_a_tool_is_tried_on_the_lens(done):
     design, _, _ = done
     (surface,) = design.tool(optics.ToolOrder(ball=5.0, step=0.1)).surfaces
