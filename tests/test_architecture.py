@@ -70,6 +70,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
 # rooms of one file, which is its own door
 SINGLE_FILES = {f"thbcad.{file}" for file in ("checks", "doors", "pictures", "poses", "toml", "values")}
+SINGLE_FILES |= {"optics.early_stop"}
 MOST_FILES = 13  # of a room, besides its door
 
 
