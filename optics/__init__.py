@@ -7,12 +7,9 @@
 Names are loaded when they are first used: ``import optics`` itself loads nothing heavy.
 """
 
-from optics.early_stop import end_at_signals, is_command
+__import__("optics.early_stop")  # first of all: Ctrl-C among the next imports would print a traceback
 
-if is_command():  # before the next import: a Ctrl-C would print a traceback out of it
-    end_at_signals()
-
-from thbcad.doors import TYPE_CHECKING, lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door  # noqa: E402
 
 if TYPE_CHECKING:
     from .base.optimisers import (

@@ -12,7 +12,7 @@ from optics.early_stop import end_at_signals, ended
 
 def entry() -> None:
     """Run the command line of this process, and end it."""
-    end_at_signals()
+    end_at_signals()  # also of a command that is called by another name
     try:
         sys.exit(_run())
     except KeyboardInterrupt:  # once more, while the first one was answered

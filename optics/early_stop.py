@@ -2,7 +2,7 @@
 
 Python raises KeyboardInterrupt wherever it is, also among the imports of the command line and while it ends,
 and prints a traceback.  As long as `commands.stop_signals` does not listen there is nothing to tidy up: the
-process ends at once.  This file imports next to nothing.
+process ends at once.  This file imports next to nothing, and the package imports it first.
 """
 
 from __future__ import annotations
@@ -39,3 +39,7 @@ def ended(number: int, frame: FrameType | None) -> None:
         os.write(2, f"thbcad: {WORDS[signal.Signals(number)]}\n".encode())
     finally:  # also where stderr is closed
         os._exit(128 + number)
+
+
+if is_command():
+    end_at_signals()

@@ -72,6 +72,7 @@ UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run
 SINGLE_FILES = {
     f"thbcad.{file}" for file in ("checks", "doors", "files", "pictures", "poses", "texts", "toml", "values")
 }
+SINGLE_FILES |= {"optics.early_stop"}
 MOST_FILES = 13  # of a room, besides its door
 
 

@@ -153,8 +153,8 @@ def test_text_is_read_and_written_alike_on_all_systems():
 
 def test_only_commands_set_signal_handlers():
     """A script that imports the library keeps its own; `serve`, a helper process in its main function,
-    begins with `obey`, `optics/__main__.py` is the program, and `interrupts_later` puts back what it takes
-    (tests/optics/base/runtime/test_backend.py)."""
+    begins with `obey`, `optics/early_stop.py` asks whether this is the program, and `interrupts_later` puts
+    back what it takes (tests/optics/base/runtime/test_backend.py)."""
     setters = ("signal", "siginterrupt", "set_wakeup_fd", "setitimer", "alarm", "add_signal_handler")
     found = {
         path: [node.lineno for node in calls(path, *setters)]
@@ -164,10 +164,10 @@ def test_only_commands_set_signal_handlers():
     stems = "helper_process", "lost_interrupts", "systems"
     second, later, systems = (ROOT / "optics/base/runtime" / f"{stem}.py" for stem in stems)
     assert [name(path) for path, lines in found.items() if lines] == [
-        "optics/__main__.py",
         name(second),
         name(later),
         name(systems),
+        "optics/early_stop.py",
     ]
     ways = {
         n.name: n

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from optics.base.runtime import speaking_of
+from optics.base.runtime import note, speaking_of
 from optics.designing.etendue import etendue_notes
 from optics.designing.optimisation import Stage, can_cross
 from optics.designing.prediction import (
@@ -31,12 +31,15 @@ from optics.scene.keys import AUTO
 from optics.scene.limits import position
 from optics.scene.system import OpticalSystem, advice
 
+MANY_FACES = 12  # that light meets, from where on a check takes more than some seconds
 SMALL = 1.0  # mm: lenses and targets of less may have been given in metres
 
 
 def check(options: Namespace) -> Outcome:
     """Read a problem and say what to expect of its lens, without optimising."""
     system = system_of(options)
+    if (faces := len(system.problem.faces_met)) > MANY_FACES:
+        note(f"light meets {faces} faces; each takes seconds to compile, so that this may take minutes")
     with speaking_of(options.problem):
         require_engine(system)
         backend, chosen = system.backend, any(free.z_freedom == AUTO for free in system.freeforms)

@@ -11,6 +11,7 @@ from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.lens_schema import Optic
 
 REFLECT = ":reflect"
+MOST_FACES = 100  # that light meets: all are compiled into one program
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +70,13 @@ def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, 
     Raises UserError : names the face that light cannot meet there, or the element that it never meets.
     """
     if path is None:
-        return tuple(
+        every = tuple(
             FaceMet(optic, face, isinstance(optic, MirrorElement))
             for optic in optics
             for face in (("front",) if isinstance(optic, MirrorElement) else ("front", "rear"))
         )
+        _require_few(every)
+        return every
     met: list[FaceMet] = []
     for k, word in enumerate(path.faces):
         face = _face(optics, f"path[0].faces[{k}]", word)
@@ -89,7 +92,17 @@ def faces_met(optics: Sequence[Optic], path: PathSpec | None) -> tuple[FaceMet, 
         if all(face.optic is not optic for face in met):
             raise UserError(f"path[0].faces meets no face of {optic.table}; add its faces, or leave it out")
     _require_free_once(met)
+    _require_few(met)
     return tuple(met)
+
+
+def _require_few(met: Sequence[FaceMet]) -> None:
+    """Refuse more faces than can be compiled into one program within minutes."""
+    if len(met) > MOST_FACES:
+        raise UserError(
+            f"light meets {len(met)} faces, and at most {MOST_FACES} are traced; leave elements out, or name "
+            "fewer faces in [[path]]"
+        )
 
 
 def _face(optics: Sequence[Optic], key: str, word: str) -> FaceMet:

@@ -13,14 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from optics.base.runtime import UserError, read_at_most, speaking_of
-from optics.scene.keys import (
-    checked_values,
-    option,
-    problem_to_toml,
-    record,
-    require_effects,
-    with_changes,
-)
+from optics.scene.keys import checked_values, option, problem_to_toml, record, require_effects, with_changes
 from optics.scene.problem.elements import MirrorElement, Placed
 from optics.scene.problem.faces_met import FaceMet, PathSpec, faces_met
 from optics.scene.problem.lens_schema import LensSpec, Optic

@@ -165,3 +165,17 @@ def test_what_is_wrong_with_a_list_is_said_in_a_sentence(two, changes, words):
 def test_a_key_of_a_list_is_proposed_with_the_place_of_the_name(text):
     with pytest.raises(UserError, match=r"unknown key stop\..*\(did you mean stop\.NAME\.position\?\)"):
         assignment(text, Problem)
+
+
+def test_light_that_meets_too_many_faces_is_refused_with_their_number(tmp_path):
+    """All faces are compiled into one program: 400 of them took minutes without a word."""
+    lens = {"kind": "lens", "index": 1.5, "thickness": 3.0, "front": {"half_width": (8.0, 8.0)}}
+    fixed = lens | {"rear": {"half_width": (8.0, 8.0), "freeform": False}}
+    row = [fixed | {"name": f"L{k}", "position": (0, 0, 5.0 * k)} for k in range(50)]
+    row[-1] = row[-1] | {"rear": {"half_width": (8.0, 8.0)}}
+    problem = load_text(tmp_path, MIRROR).with_(element=row)
+    assert len(problem.faces_met) == 100
+    more = [row[0] | {"name": "first", "position": (0, 0, -5.0)}, *row]
+    assert "light meets 102 faces, and at most 100 are traced; leave elements out" in refusal(
+        problem.with_, element=more
+    )
