@@ -126,14 +126,14 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
         distance = float(target.distance or 0.0) + moved
         if distance <= 0:
             raise UserError(
-                f"target.distance = {target.distance:g} mm behind lens.thickness = {spec.thickness:g} mm lies in "
-                f"the lens of the file, which is {found.thickness:.6g} mm thick; leave lens.thickness out to "
-                "count from its rear"
+                f"target.distance = {target.distance:g} mm behind lens.thickness = {spec.thickness:g} mm is "
+                f"within the lens of the file, {found.thickness:.6g} mm thick; leave lens.thickness out "
+                "to count from its rear"
             )
         changes["target.distance"] = distance
         note(
-            f"the rear of the file begins {-moved:+.6g} mm from lens.thickness = {spec.thickness:.6g} mm: the "
-            f"target stays in its place, {distance:.6g} mm from there; leave lens.thickness out to count "
+            f"the rear of the file begins {-moved:+.6g} mm from lens.thickness = {spec.thickness:.6g} mm: "
+            f"the target stays in its place, {distance:.6g} mm from there; leave lens.thickness out to count "
             "target.distance from the file's rear"
         )
     return problem.with_(**changes) if changes else problem
@@ -149,8 +149,8 @@ def _on_screen(problem: Problem, lens: Lens) -> Problem:
     size = [_quantile(reach[arrives, axis], rays.flux[arrives]) for axis in (0, 1)]
     half = [min(max(MARGIN * s, away * 1e-3), WIDEST * away) for s in size]
     note(
-        f"the problem has no [target], so that no light is requested: it falls on a screen {away:g} mm behind "
-        f"the lens, {2 * half[0]:.4g} x {2 * half[1]:.4g} mm; add [target] for another"
+        f"the problem has no [target], so that no light is requested: it falls on a screen {away:g} mm "
+        f"behind the lens, {2 * half[0]:.4g} x {2 * half[1]:.4g} mm; add [target] for another"
     )
     return problem.with_(**{"target.half_width": half})
 

@@ -144,7 +144,7 @@ def test_a_lens_gives_what_its_problem_leaves_out(halves, tmp_path, capsys, turn
     # of a lens with f = 48.5 mm the beam of 12 x 12 mm is 13 mm wide there
     assert 6 < target.half_width[0] < 9
     assert "so that no light is requested" in capsys.readouterr().err
-    with pytest.raises(optics.UserError, match="the key target.kind is missing"):
+    with pytest.raises(optics.UserError, match=r"the key target\.kind is missing"):
         given_system(problem, {"target.distance": 60.0}, halves, turn)
 
 
@@ -163,7 +163,7 @@ def test_only_a_step_file_is_turned(tmp_path, capsys):
 
 
 def test_no_light_is_judged_where_none_was_requested(halves, tmp_path):
-    system, lens = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, halves, False)
+    system, _ = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, halves, False)
     checks = delivery_checks(
         {"rel_l2_debiased": 0.9, "lit_efficiency": 0.1, "stray": 0.5}, system.problem.verify
     )
