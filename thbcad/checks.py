@@ -17,6 +17,7 @@ Bools = NDArray[np.bool_]
 EPS = float(np.finfo(np.float64).eps)
 MAX_DEGREE = 10
 MOST_BITS = 1023  # of an integer that float64 holds for certain
+LONGEST_SHOWN = 80  # characters of a value in a message
 MOST_SPANS = 10_000_000
 GREATEST_HALF_WIDTH = 1e100  # its square is finite
 GREATEST_KNOT = 1e300  # sums of knots and of periods are finite
@@ -29,6 +30,8 @@ def read_only(array: ArrayLike, dtype: type[np.float64] | type[np.int64] = np.fl
         out = np.array(array, dtype=dtype, order="C")
     except OverflowError:
         raise ValueError(f"numbers must be ones that {dtype.__name__} can hold") from None
+    except ValueError as error:  # of numpy, with the whole text that is no number
+        raise ValueError(shortened(str(error))) from None
     out.flags.writeable = False
     return out
 
@@ -88,6 +91,8 @@ def floats(array: ArrayLike) -> Floats:
         return np.asarray(array, dtype=np.float64)
     except OverflowError:
         raise ValueError("numbers must be ones that float64 can hold") from None
+    except ValueError as error:  # of numpy, with the whole text that is no number
+        raise ValueError(shortened(str(error))) from None
 
 
 def require_integer(name: str, value: object, least: int, most: int | None = None) -> None:
@@ -100,7 +105,7 @@ def require_integer(name: str, value: object, least: int, most: int | None = Non
         bounds = "a non-negative integer" if least == 0 else f"an integer of at least {least}"
         if most is not None:
             bounds = f"an integer from {least} to {most}"
-        raise ValueError(f"{name} must be {bounds}, got {_shown(value)}")
+        raise ValueError(f"{name} must be {bounds}, got {shown(value)}")
 
 
 def require_number(
@@ -120,7 +125,7 @@ def require_number(
             if above > -np.inf and above
             else ""
         )
-        raise ValueError(f"{name} must be {wanted}, got {value}")
+        raise ValueError(f"{name} must be {wanted}, got {shortened(str(value))}")
 
 
 def _float64(name: str, value: Any) -> float:
@@ -132,15 +137,25 @@ def _float64(name: str, value: Any) -> float:
         return float(value)
     except OverflowError:
         raise ValueError(
-            f"{name} must be a number that float64 can hold, got {_shown(trunc(value))}"
+            f"{name} must be a number that float64 can hold, got {shown(trunc(value))}"
         ) from None
 
 
-def _shown(value: object) -> str:
-    """Return the repr of a value, and of an integer beyond float64 how long it is."""
+def shown(value: object) -> str:
+    """Return a value for a message: its repr, of a long one the beginning, of an integer beyond float64 how
+    long it is.
+
+    >>> shown("round"), shown(10**400), shown("A" * 100_000)[-24:]
+    ("'round'", 'an integer of about 400 digits', "A... (100002 characters)")
+    """
     if isinstance(value, int) and value.bit_length() > MOST_BITS:
         return f"an integer of about {log10(abs(value)):.0f} digits"
-    return repr(value)
+    return shortened(repr(value))
+
+
+def shortened(text: str) -> str:
+    """Return a text for a message, of a long one the beginning."""
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
 def require_order(derivative: object) -> None:
@@ -152,7 +167,7 @@ def require_orders(derivative: object) -> tuple[int, int]:
     """Return the orders (a, b) of a partial derivative; raise ValueError unless they are two non-negative
     integers."""
     if not isinstance(derivative, Sequence | np.ndarray) or len(derivative) != 2:
-        raise ValueError(f"derivative must be a pair (a, b) of orders, got {derivative!r}")
+        raise ValueError(f"derivative must be a pair (a, b) of orders, got {shown(derivative)}")
     for order in derivative:
         require_order(order)
     return int(derivative[0]), int(derivative[1])
@@ -168,7 +183,7 @@ def half_widths(half_width: Any) -> tuple[float, float]:
     finite."""
     pair = isinstance(half_width, Sequence | np.ndarray) and len(half_width) == 2
     if not pair or not all(0 < _float64("half_width", w) <= GREATEST_HALF_WIDTH for w in half_width):
-        got = " and ".join(map(_shown, half_width)) if pair else half_width
+        got = " and ".join(map(shown, half_width)) if pair else shortened(str(half_width))
         raise ValueError(
             f"half_width must be two positive numbers of at most {GREATEST_HALF_WIDTH:g}, got {got}"
         )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thbcad.checks import Floats, floats, read_only
+from thbcad.checks import Floats, floats, read_only, shown
 from thbcad.values import Value
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -27,7 +27,7 @@ def _three(name: str, numbers: ArrayLike) -> Floats:
     """Return three finite numbers; raise ValueError for any others."""
     row = floats(numbers)
     if row.shape != (3,) or not np.isfinite(row).all():
-        raise ValueError(f"{name} must be three finite numbers, got {numbers!r}")
+        raise ValueError(f"{name} must be three finite numbers, got {shown(numbers)}")
     return row
 
 

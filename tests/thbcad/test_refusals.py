@@ -20,6 +20,7 @@ from thbcad import (
     THBSpace,
     THBSurface,
     approximated,
+    checks,
     circular_arc,
     error_bounds,
     fit,
@@ -36,6 +37,9 @@ from thbcad import (
     write_step,
     write_surface,
 )
+from thbcad.io import lens_from_dict, lens_to_dict
+from thbcad.mounts import mount_of
+from thbcad.poses import Pose
 
 KV = KnotVector.uniform(3, 4)
 SPACE = THBSpace(KV, KV).refine({0: [(i, j) for i in range(4) for j in range(3)]}).refine({1: [(0, 0)]})
@@ -299,3 +303,27 @@ def test_numbers_are_refused(call, wanted):
     for bad in (*BAD_NUMBERS, *[0.0] * ("positive" in wanted), *[np.inf] * ("finite" in wanted)):
         with pytest.raises(ValueError, match=f"{wanted}.*, got '?{bad}"):
             call(bad)
+
+
+LONG = "A" * 100_000
+PLATE = FreeformSurface((5.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    "refuse",
+    [
+        lambda: checks.require_number("index", LONG),
+        lambda: checks.require_integer("degree", LONG, 1, 10),
+        lambda: checks.half_widths(LONG),
+        lambda: Pose.tilted(LONG, (0, 0, 0)),
+        lambda: KnotVector.uniform(LONG, 3),
+        lambda: Lens(PLATE, PLATE, thickness=LONG, index=1.5),
+        lambda: mount_of({"flange": {"outline": LONG, "thickness": 2.0, "diameter": 30.0}}),
+        lambda: lens_from_dict(lens_to_dict(Lens(PLATE, PLATE, 1.0, 1.5)) | {"version": LONG}),
+    ],
+)
+def test_a_value_of_100_000_letters_is_not_echoed_in_full(refuse):
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - what it says differs
+        refuse()
+    assert len(str(refused.value)) < 400
+    assert "A" * 20 in str(refused.value)

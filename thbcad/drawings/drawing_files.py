@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from thbcad.checks import require_suffix
+from thbcad.checks import require_suffix, shown
 from thbcad.doors import loaded
 from thbcad.drawings.lens_drawing import lens_sheet
 from thbcad.drawings.sheets import Sheet
@@ -21,7 +21,7 @@ def drawing_bytes(sheet: Sheet, name: str) -> bytes:
     Raises ImportError : "dxf" where ezdxf is not installed.
     """
     if name not in DRAWINGS:
-        raise ValueError(f"a drawing is an svg or a dxf file, got {name!r}")
+        raise ValueError(f"a drawing is an svg or a dxf file, got {shown(name)}")
     if name == "svg":
         return svg_bytes(sheet)
     data: bytes = loaded("thbcad.drawings.dxf_sheet").dxf_bytes(sheet)

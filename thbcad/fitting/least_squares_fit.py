@@ -17,6 +17,7 @@ from thbcad.checks import (
     require_number,
     require_real,
     require_type,
+    shown,
 )
 from thbcad.fitting.normal_equations import NormalEquations, thin_plate
 from thbcad.fitting.residual_statistics import AROUND, biweights, kept_share, neighbours, places
@@ -140,7 +141,7 @@ def require_smoothing(smoothing: object) -> None:
     """Raise ValueError unless it is "auto", "discrepancy", or a finite number that is not negative."""
     if isinstance(smoothing, str):
         if smoothing not in RULES:
-            raise ValueError(f"smoothing must be a number or one of {RULES}, got {smoothing!r}")
+            raise ValueError(f"smoothing must be a number or one of {RULES}, got {shown(smoothing)}")
     else:
         require_number("smoothing", smoothing, least=0, finite=True)
 

@@ -23,6 +23,7 @@ from thbcad.checks import (
     require_number,
     require_type,
     require_unmasked,
+    shown,
 )
 from thbcad.hierarchy.domains import MAX_LEVEL, Cells, Domains, checked_cells, closure
 from thbcad.hierarchy.levels import DyadicAxis, numbered
@@ -263,7 +264,7 @@ def common_refinement(a: Mesh, b: Mesh) -> Mesh:
 def _side(name: str, side: tuple[float, float], kv: KnotVector) -> tuple[float, float]:
     """Return the ends of a side of a box as floats."""
     if not isinstance(side, Sequence | np.ndarray) or len(side) != 2:
-        raise ValueError(f"{name} must be a pair (start, stop) of numbers, got {side!r}")
+        raise ValueError(f"{name} must be a pair (start, stop) of numbers, got {shown(side)}")
     for end in side:
         require_number(name, end)
     start, stop = float(side[0]), float(side[1])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from thbcad.checks import Floats
+from thbcad.checks import Floats, shown
 from thbcad.files import regular_bytes
 from thbcad.io.atomic_files import write_text
 from thbcad.texts import text_of
@@ -50,7 +50,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def require_keys(data: dict[str, Any], known: Collection[str], content: str) -> None:
     """Raise ValueError for a key that the reader would pass over."""
     for key in data.keys() - known:
-        raise ValueError(f"the {content} file has the unknown key {key!r}")
+        raise ValueError(f"the {content} file has the unknown key {shown(key)}")
 
 
 def require_schema(data: object, schema: str, version: int, content: str) -> dict[str, Any]:
@@ -59,7 +59,8 @@ def require_schema(data: object, schema: str, version: int, content: str) -> dic
         raise ValueError(f"not a {content} file: its schema is not {schema!r}")
     if type(data.get("version")) is not int or data["version"] != version:
         raise ValueError(
-            f"{content} file version {data.get('version')!r} is unknown, this program reads version {version}"
+            f"{content} file version {shown(data.get('version'))} is unknown, this program reads version "
+            f"{version}"
         )
     return data
 

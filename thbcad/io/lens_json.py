@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from thbcad.checks import shown
 from thbcad.io.json_values import (
     a_number,
     a_row,
@@ -50,7 +51,7 @@ def lens_from_dict(data: object) -> Lens:
     table = require_schema(data, SCHEMA, VERSION, "lens")
     require_keys(table, KEYS, "lens")
     if table.get("units") != "mm":
-        raise ValueError(f"the lens file's units must be 'mm', got {table.get('units')!r}")
+        raise ValueError(f"the lens file's units must be 'mm', got {shown(table.get('units'))}")
     try:
         front, rear = (_surface_from_dict(a_table(table, name)) for name in ("front", "rear"))
         return require_sound(Lens(front, rear, a_number(table, "thickness"), a_number(table, "index")))

@@ -5,7 +5,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from thbcad.checks import Floats, require_type
+from thbcad.checks import Floats, require_type, shown
 from thbcad.hierarchy import THBSpace
 from thbcad.io.json_values import a_list, a_row, cells, read_json, require_keys, require_schema, write_json
 from thbcad.splines import BSplineCurve, BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
@@ -126,7 +126,7 @@ def _kind(table: dict[str, Any], known: Mapping[str, object], content: str) -> s
     if not isinstance(kind, str) or kind not in known:
         *others, last = (repr(name) for name in known)
         wanted = f"{', '.join(others)} or {last}" if others else last
-        raise ValueError(f"the {content} file's kind must be {wanted}, got {kind!r}")
+        raise ValueError(f"the {content} file's kind must be {wanted}, got {shown(kind)}")
     return kind
 
 

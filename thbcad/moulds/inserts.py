@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from thbcad.certified import value_range
-from thbcad.checks import require_number
+from thbcad.checks import require_number, shown
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens, OpticalForm, optical_forms, require_sound
 from thbcad.outlines import LEAST_SIZE, Outline, Shape, integral_within
@@ -53,7 +53,7 @@ class Insert:
             mm outside of the surface.
         """
         if word not in FACES:
-            raise ValueError(f"an insert must be that of front or rear, got {word!r}")
+            raise ValueError(f"an insert must be that of front or rear, got {shown(word)}")
         number = FACES.index(word)
         own, graph = (lens.front, lens.rear)[number].outline, require_sound(lens).graphs()[number]
         over = shape if isinstance(shape, Outline) else own

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from thbcad.checks import shown
 from thbcad.files import file_or_pipe_bytes
 from thbcad.mounts.records import Gate, Hole, Mount, MountFlange, Places, Post
 from thbcad.texts import text_of
@@ -62,7 +63,7 @@ def _placed(where: str, row: Any, kind: type[Hole | Post]) -> dict[str, Any]:
     values = _table(where, row, kind, own)
     places = Places(**{key: values.pop(key) for key in own if key in values})
     if not isinstance(places.at, list | tuple):
-        raise ValueError(f"{where}.at must be pairs [x, y], got {places.at!r}")
+        raise ValueError(f"{where}.at must be pairs [x, y], got {shown(places.at)}")
     places.points(where)
     return values | {"places": places}
 

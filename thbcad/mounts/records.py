@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, fields
 from math import cos, pi, sin, tan
 from typing import Any
 
-from thbcad.checks import require_integer, require_number
+from thbcad.checks import require_integer, require_number, shown
 
 Point = tuple[float, float]
 
@@ -40,7 +40,7 @@ def _require_number(name: str, value: Any, **limits: float) -> None:
 
 def _require_choice(where: str, value: object, choices: tuple[str, ...]) -> None:
     if value not in choices:
-        raise ValueError(f"{where} must be one of {', '.join(map(repr, choices))}, got {value!r}")
+        raise ValueError(f"{where} must be one of {', '.join(map(repr, choices))}, got {shown(value)}")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class MountFlange:
             raise ValueError(f"a {self.outline} flange takes flange.{wanted}, and not flange.{other}")
         pair = (self.diameter, self.diameter) if self.size is None else self.size
         if not isinstance(pair, list | tuple) or len(pair) != 2:
-            raise ValueError(f"flange.size must be two numbers [x, y], got {pair!r}")
+            raise ValueError(f"flange.size must be two numbers [x, y], got {shown(pair)}")
         for value in pair:
             _require_number(f"flange.{wanted}", value, above=0.0)
         if self.size is not None:
@@ -136,7 +136,7 @@ class Places:
             raise ValueError(f"{where} must have either at = [[x, y], ...] or circle and count")
         for point in self.at:
             if not isinstance(point, list | tuple) or len(point) != 2:
-                raise ValueError(f"{where}.at must be pairs [x, y], got {point!r}")
+                raise ValueError(f"{where}.at must be pairs [x, y], got {shown(point)}")
             for value in point:
                 _require_number(f"{where}.at", value)
         turns = (self.start * pi / 180 + 2 * pi * k / max(self.count, 1) for k in range(self.count))

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thbcad.checks import Floats, require_number
+from thbcad.checks import Floats, require_number, shown
 from thbcad.splines import BSplineSurface
 from thbcad.tools.spiral_motion import DERIVATIVES, round_axis
 
@@ -46,7 +46,7 @@ def ball_cusps(graph: BSplineSurface, x: Floats, y: Floats, ball: float, step: f
     Raises ValueError : other rows, numbers that are not positive, positions outside the graph.
     """
     if rows not in ("x", "y"):
-        raise ValueError(f'rows must run along "x" or "y", got {rows!r}')
+        raise ValueError(f'rows must run along "x" or "y", got {shown(rows)}')
     for name, number in (("ball", ball), ("step", step)):
         require_number(name, number, above=0, finite=True)
     z_x, z_y, z_xx, z_xy, z_yy = (graph(x, y, orders) for orders in DERIVATIVES)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thbcad.certified import Enclosure, least_radii, reciprocal
-from thbcad.checks import Floats, require_number
+from thbcad.checks import Floats, require_number, shown
 from thbcad.lens import Lens
 from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
@@ -52,7 +52,7 @@ def air_side(lens: Lens, name: str) -> BSplineSurface:
     Raises ValueError : another name, graphs that a lens has not (see `Lens.graphs`).
     """
     if name not in SURFACES:
-        raise ValueError(f"a lens has the surfaces front and rear, got {name!r}")
+        raise ValueError(f"a lens has the surfaces front and rear, got {shown(name)}")
     front, rear = lens.own_graphs()
     return rear if name == "rear" else BSplineSurface(front.kv_u, front.kv_v, 0.0 - front.coefficients)
 

@@ -248,11 +248,15 @@ def _outcome(written: Written, system: OpticalSystem) -> Outcome:
         misses = [f"thbcad check {problem} names what binds; {WHAT_HELPS}"]
     if "fresh_fit" in metrics:
         fit = [f"misfit {metrics['fit']:.4f} on the optimiser's rays, {metrics['fresh_fit']:.4f} on others"]
+    requested = any(check["subject"] == "light" for check in checked["checks"])
+    picture = (
+        f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
+        f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}"
+    )
     lines = [
         *check_lines(checked),
         *fit,
-        f"rel_l2 {error_words(metrics)} ({counted_ways(metrics)})   "
-        f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}",
+        *[picture] * requested,
         f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
         f"stray {metrics['stray']:.4f}   DOF {metrics['dof']}   evaluations {metrics['evaluations']}   "
         f"{metrics['wall_s']['total']:.1f} s",

@@ -126,14 +126,14 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
         distance = float(target.distance or 0.0) + moved
         if distance <= 0:
             raise UserError(
-                f"target.distance = {target.distance:g} mm behind lens.thickness = {spec.thickness:g} mm lies in "
-                f"the lens of the file, which is {found.thickness:.6g} mm thick; leave lens.thickness out to "
-                "count from its rear"
+                f"target.distance = {target.distance:g} mm behind lens.thickness = {spec.thickness:g} mm is "
+                f"within the lens of the file, {found.thickness:.6g} mm thick; leave lens.thickness out "
+                "to count from its rear"
             )
         changes["target.distance"] = distance
         note(
-            f"the rear of the file begins {-moved:+.6g} mm from lens.thickness = {spec.thickness:.6g} mm: the "
-            f"target stays in its place, {distance:.6g} mm from there; leave lens.thickness out to count "
+            f"the rear of the file begins {-moved:+.6g} mm from lens.thickness = {spec.thickness:.6g} mm: "
+            f"the target stays in its place, {distance:.6g} mm from there; leave lens.thickness out to count "
             "target.distance from the file's rear"
         )
     return problem.with_(**changes) if changes else problem

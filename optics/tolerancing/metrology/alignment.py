@@ -32,6 +32,7 @@ SETTLED = 1e-13  # of the half-width
 BLIND = 1e-6  # of the greatest singular value: what moves points by less is not determined
 RIM = 1e-3  # of the half-width: so far beside the rim the surface goes on, with an error of third order
 OUTLYING, LEAST_OUTLYING = 50.0, 1e-4  # of the median distance; of the half-width: beyond any form error
+MOST_OUTLIERS = 0.02  # of the points: more are a part of the surface
 NAMED = 0.05  # of a direction of length 1: a motion that has a part in it
 ANOTHER = "were they measured on this surface of this lens, and on most of it? --align datums needs no fit"
 MOTIONS = ("shift in x", "shift in y", "shift in z", "tilt about x", "tilt about y", "rotation about z")
@@ -69,18 +70,43 @@ def by_datums(surface: FreeformSurface, points: Floats) -> Alignment:
     return _aligned(surface, points, Pose.at(), 0.0)
 
 
+def is_outlier(surface: FreeformSurface, here: Alignment) -> NDArray[np.bool_]:
+    """Return which points lie far from where the others do, farther than any form error, (n,)."""
+    apart = np.abs(here.normal - np.median(here.normal))
+    return apart > max(OUTLYING * float(np.median(apart)), LEAST_OUTLYING * max(surface.half_width))
+
+
 def outliers(surface: FreeformSurface, here: Alignment) -> str | None:
     """Return that some points lie far from where the others do, a sentence; None where there are none."""
-    apart = np.abs(here.normal - np.median(here.normal))
-    far = apart > max(OUTLYING * float(np.median(apart)), LEAST_OUTLYING * max(surface.half_width))
+    far = is_outlier(surface, here)
     if not far.any():
         return None
+    apart = np.abs(here.normal - np.median(here.normal)).max()
     x, y = here.points[:2, far].mean(axis=1)
     return (
-        f"{far.sum():,} of {far.size:,} points lie up to {1e3 * apart.max():.3g} um from where the others "
+        f"{far.sum():,} of {far.size:,} points lie up to {1e3 * apart:.3g} um from where the others "
         f"do, round x = {x:.3g}, y = {y:.3g} mm: leave them out of the file if they are dust or a slip of "
         "the probe"
     )
+
+
+def without_outliers(surface: FreeformSurface, points: Floats) -> tuple[Floats, str]:
+    """Return points, (3, n) mm, without those few that lie far from the others, and a sentence on these.
+
+    They are looked for by datums, then by a best fit.  Where more than 2 % lie far, these are no slips: all
+    points stay.  The sentence is "" where none lies far.
+    """
+    for align, beside in ((by_datums, 0.0), (best_fit, RIM)):
+        try:
+            here = align(surface, points)
+        except UserError:  # there is no best fit
+            continue
+        said, far = outliers(surface, here), is_outlier(surface, here)
+        if said and far.sum() <= MOST_OUTLIERS * far.size:
+            kept = ~_near(surface, points, here.motion, beside)
+            kept[~kept] = ~far
+            return points[:, kept], f"{said}; the light is that of the others"
+    return points, ""
 
 
 def best_fit(surface: FreeformSurface, points: Floats) -> Alignment:

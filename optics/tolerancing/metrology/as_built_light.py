@@ -14,7 +14,14 @@ from optics.light.analysis import Measurement, Verdict, contrast_error, delivery
 from optics.scene.problem import Verify
 from optics.scene.system import OpticalSystem
 from optics.tolerancing.machining import landing_response
-from optics.tolerancing.metrology.alignment import Alignment, Floats, best_fit, by_datums, outliers
+from optics.tolerancing.metrology.alignment import (
+    Alignment,
+    Floats,
+    best_fit,
+    by_datums,
+    outliers,
+    without_outliers,
+)
 from optics.tolerancing.metrology.corrected_surface import RAYS, MadeSurface, made_surface, measured_light
 from optics.tolerancing.metrology.measured_points import MeasuredPoints
 from optics.tolerancing.metrology.rigid_corrections import RigidCorrection, rigid_correction
@@ -153,7 +160,8 @@ def light_as_built(
     """
     designed = surface_of(lens, side)
     _require_met_in_front(system, side)
-    aligned, no_fit = _alignments(designed, measured.points, way)
+    points, outlying = without_outliers(designed, measured.points)
+    aligned, no_fit = _alignments(designed, points, way)
     chosen = made_surface(designed, aligned[way])
     lit = landing_response(system, lens, backend, side, RAYS)
     known = measured_light(aligned[way].points[:2], lit, designed.outline)
@@ -181,7 +189,7 @@ def light_as_built(
         datums=aligned["datums"],
         fitted=aligned.get("best fit"),
         no_fit=no_fit,
-        outlying=next(filter(None, (outliers(designed, each) for each in aligned.values())), ""),
+        outlying=outlying or next(filter(None, (outliers(designed, each) for each in aligned.values())), ""),
         nominal=nominal or measure(system, lens, backend),
         measurement=measurement,
         rel_l2_of=rel_l2_of,

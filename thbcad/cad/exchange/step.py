@@ -29,7 +29,7 @@ from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, 
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
 from thbcad.cad.shapes import Part, lens_part
-from thbcad.checks import require_type
+from thbcad.checks import require_type, shown
 from thbcad.lens import Lens, Product, face_colour, require_line
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def part_step(
     Raises RuntimeError : OCCT refuses the solid.
     """
     if schema not in SCHEMAS:
-        raise ValueError(f"schema must be {', '.join(SCHEMAS)}, got {schema!r}")
+        raise ValueError(f"schema must be {', '.join(SCHEMAS)}, got {shown(schema)}")
     for name in part.names:
         require_line("the name of a face", name)
     silence()

@@ -8,11 +8,15 @@ import pytest
 
 import optics
 from optics.interface.commands import main
+from optics.interface.relighting import given_system
+from optics.light.analysis import delivery_checks, judged
 from optics.scene.problem import load_problem
 from tests.optics.cases import small_lens, small_space, write_problem
 from tests.optics.interface.commands.cases import refused
 from tests.optics.tolerancing.perturbations.cases import few
-from thbcad import FreeformSurface, Lens, read_lens_solid, to_build123d, write_lens
+from tests.thbcad.cad.foreign.cases import Meridian, RoundLens
+from tests.thbcad.io.cases import written
+from thbcad import FreeformSurface, Lens, read_lens_solid, to_build123d, write_lens, write_step
 from thbcad.sags import Conic
 from thbcad.surfaces import THBSurface
 
@@ -113,6 +117,76 @@ def test_a_step_file_where_a_result_is_wanted_is_told_the_way(foreign, capsys, t
     (tmp_path / "no.step").write_text("no")
     assert "no.step" in refused(capsys, "design", toml, "--lens", tmp_path / "no.step")
     assert f"{tmp_path / 'lens.json'}" in refused(capsys, "design", toml, "--lens", tmp_path)
+
+
+def bare_problem(folder, text=""):
+    """Write a problem that says nothing of the shape of the lens, nor of the light."""
+    path = folder / "bare.toml"
+    path.write_text(f'source = {{ kind = "collimated", half_width = [6.0, 6.0] }}\n{text}')
+    return path
+
+
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory):
+    """A lens of two spheres of 40 and 60 mm in half faces."""
+    path = tmp_path_factory.mktemp("halves") / "theirs.step"
+    return written(RoundLens(Meridian(40.0), Meridian(-60.0), 6.0, 10.0).solid(2).wrapped, path)
+
+
+@pytest.mark.parametrize(("turn", "radii"), [(False, (40.0, -60.0)), (True, (60.0, -40.0))])
+def test_a_lens_gives_what_its_problem_leaves_out(halves, tmp_path, capsys, turn, radii):
+    problem = bare_problem(tmp_path, "lens.index = 1.5")
+    system, lens = given_system(problem, {}, halves, turn)
+    spec, target = system.problem.lens, system.problem.target
+    assert (spec.thickness, *spec.front.half_width) == pytest.approx((6, 10, 10), abs=1e-9)
+    assert (lens.front.conic.radius, lens.rear.conic.radius) == pytest.approx(radii, abs=1e-9)
+    assert target.distance == pytest.approx(100, rel=1e-9)
+    # of a lens with f = 48.5 mm the beam of 12 x 12 mm is 13 mm wide there
+    assert 6 < target.half_width[0] < 9
+    assert "so that no light is requested" in capsys.readouterr().err
+    with pytest.raises(optics.UserError, match=r"the key target\.kind is missing"):
+        given_system(problem, {"target.distance": 60.0}, halves, turn)
+
+
+def test_a_lens_without_an_index_is_asked_for_it(halves, tmp_path):
+    with pytest.raises(optics.UserError, match=r"lens\.index"):
+        given_system(bare_problem(tmp_path), {}, halves, False)
+
+
+def test_only_a_step_file_is_turned(tmp_path, capsys):
+    toml = write_problem(tmp_path, ROUND)
+    write_lens(small_lens(), tmp_path / "own.json")
+    assert "--turn takes a STEP file" in refused(
+        capsys, "design", toml, "--lens", tmp_path / "own.json", "--turn"
+    )
+    assert "--turn turns the lens of --lens" in refused(capsys, "design", toml, "--turn")
+
+
+def test_no_light_is_judged_where_none_was_requested(halves, tmp_path):
+    system, _ = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, halves, False)
+    checks = delivery_checks(
+        {"rel_l2_debiased": 0.9, "lit_efficiency": 0.1, "stray": 0.5}, system.problem.verify
+    )
+    assert checks == []
+    verdict = judged({"efficiency": 0.922}, checks, of_file=False)
+    assert (verdict.grade, str(verdict)) == (
+        "made",
+        "92.2% of the light arrives on the target: no light was requested",
+    )
+
+
+def test_the_target_stays_where_the_problem_puts_it(tmp_path, capsys):
+    """The rear of a design's own STEP file begins where its sag does: 0.3 mm before its vertex."""
+    sag = THBSurface(small_space(), np.full(small_space().dim, -0.3))
+    lens = small_lens(sag=sag.coefficients, space=small_space())
+    toml = write_problem(tmp_path, FEW)
+    write_step(lens, tmp_path / "lens.step")
+    problem = load_problem(toml)
+    system, read = given_system(toml, {}, tmp_path / "lens.step", False)
+    place = problem.lens.thickness + problem.target.distance
+    assert read.thickness == pytest.approx(problem.lens.thickness - 0.3, abs=1e-9)
+    assert system.problem.lens.thickness + system.problem.target.distance == pytest.approx(place, abs=1e-9)
+    assert "the target stays in its place" in capsys.readouterr().err
 
 
 def test_a_design_of_a_system_for_scripts_names_what_makes_one(tmp_path):

@@ -240,10 +240,14 @@ def test_the_worst_of_all_checks_is_the_grade():
 def test_the_verdict_begins_with_the_numbers_and_names_the_first_check_that_decided():
     good, light = Check("a", 0, 1, ""), Check("b", 0.3, 0.2, "", subject="light")
     file, more = Check("c", 0.73, 0.5, "mm"), Check("e", 2, 1, "", subject="light")
-    assert str(judged(picture(), [good])) == (
+    lit = Check("d", 0.1, 0.2, "", subject="light")
+    assert str(judged(picture(), [good, lit])) == (
         "5 % off: the lens makes the light asked for, and the file is the lens"
     )
-    assert str(judged(picture(), [good], of_file=False)).endswith("the light asked for")
+    assert str(judged(picture(), [good, lit], of_file=False)).endswith("the light asked for")
+    assert str(judged(picture(), [good])) == (
+        "90.0% of the light arrives on the target: no light was requested, and the file is the lens"
+    )
     assert str(judged(uniform(min_over_mean=0.31), [light, more])) == (
         "U0 0.31 (30 % off): the light misses what was asked for: b 0.3 (at most 0.2), and 1 more"
     )

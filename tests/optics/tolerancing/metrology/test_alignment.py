@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
 from optics.tolerancing.metrology import best_fit, by_datums, made_surface
-from optics.tolerancing.metrology.alignment import outliers
+from optics.tolerancing.metrology.alignment import outliers, without_outliers
 from tests.cases import examples
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad import Pose
@@ -95,6 +95,32 @@ def test_a_patch_of_outliers_is_named_with_its_place() -> None:
     assert said is not None
     assert said.startswith(f"{patch.sum()} of 3,000 points lie up to 500 um from where the others do, round")
     assert "x = 3.9" in said or "x = 4" in said
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_few_outliers_are_left_out_of_what_was_made(moved: bool) -> None:
+    """9 points of 14,641: with them the fit took 57 s and told the light to 20 %; the noise is 1 nm."""
+    surface = freeform()
+    x, y = (g.ravel() for g in np.meshgrid(*(0.99 * h * np.linspace(-1, 1, 121) for h in HALF_WIDTH)))
+    patch = (np.abs(x - 4) < 0.25) & (np.abs(y + 3) < 0.2)
+    assert patch.sum() == 9
+    z = surface(x, y) + 1e-6 * np.random.default_rng(1).standard_normal(x.size)
+    motion = Pose.at((0.02, 0.01, 0.05), (0.001, 0.0, 0.0)) if moved else Pose.at()
+    points = motion.points(np.stack([x, y, z + 0.05 * patch]))
+    kept, said = without_outliers(surface, points)
+    np.testing.assert_array_equal(kept, points[:, ~patch])
+    assert said.startswith("9 of 14,641 points lie up to ")
+    assert said.endswith("; the light is that of the others")
+    fit = made_surface(surface, best_fit(surface, kept)).fit
+    assert fit.noise == pytest.approx(1e-6, rel=0.05)
+
+
+def test_a_part_of_the_surface_that_lies_elsewhere_is_not_left_out() -> None:
+    surface = freeform()
+    x, y, z = points_of(surface)
+    points = np.stack([x, y, z + np.where(x > 6, 0.5, 0.0)])
+    kept, said = without_outliers(surface, points)
+    assert (kept is points, said) == (True, "")
 
 
 @pytest.mark.slow

@@ -3,12 +3,14 @@ reason that is true of them."""
 
 import re
 from dataclasses import replace
+from itertools import product
 
 import build123d as bd
 import numpy as np
 import pytest
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 
+from tests.cases import slow_unless
 from tests.thbcad.cad.foreign.cases import Meridian, RoundLens
 from tests.thbcad.io.cases import written
 from thbcad import read_lens_solid
@@ -64,9 +66,15 @@ def require_lens(path, lens, tolerance=1e-6):
     return refit
 
 
-@pytest.mark.parametrize("parts", PARTS)
-@pytest.mark.parametrize("name", LENSES)
-def test_a_revolved_lens_is_read_in_however_many_faces_it_comes(tmp_path, name, parts):
+def is_one_each(case):
+    """Whether it is the one case of a lens that is run often, each lens in another number of faces."""
+    name, parts = case
+    return [*LENSES].index(name) % len(PARTS) == [*PARTS].index(parts)
+
+
+@pytest.mark.parametrize("case", slow_unless(is_one_each, product(LENSES, PARTS)))
+def test_a_revolved_lens_is_read_in_however_many_faces_it_comes(tmp_path, case):
+    name, parts = case
     lens = LENSES[name]
     refit = require_lens(written(lens.solid(*PARTS[parts]).wrapped, tmp_path / "lens.step"), lens)
     spheres = all(not m.terms and m.constant in (0.0, -1.0) for m in (lens.front, lens.rear))
@@ -74,7 +82,9 @@ def test_a_revolved_lens_is_read_in_however_many_faces_it_comes(tmp_path, name, 
     assert ("outside the outline" in repr(refit)) == bool(lens.wall)
 
 
-@pytest.mark.parametrize(("unit", "size"), [("INCH", 25.4), ("M", 1000.0), ("CM", 10.0)])
+@pytest.mark.parametrize(
+    ("unit", "size"), [("INCH", 25.4), pytest.param("M", 1000.0, marks=pytest.mark.slow)]
+)
 def test_units_scale_a_lens_of_halves(tmp_path, unit, size):
     solid = ASPHERIC.scaled(1 / 4).solid(2)
     require_lens(written(solid.wrapped, tmp_path / "lens.step", unit), ASPHERIC.scaled(size / 4), 1e-6 * size)
@@ -95,9 +105,15 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("name", ["biconvex", "two aspheres", "flanged"])
-def test_a_placed_lens_of_halves_is_read(tmp_path, name, place):
+@pytest.mark.parametrize(
+    "case",
+    slow_unless(
+        {("biconvex", "along x"), ("two aspheres", "tilted"), ("flanged", "far away")}.__contains__,
+        product(("biconvex", "two aspheres", "flanged"), PLACES),
+    ),
+)
+def test_a_placed_lens_of_halves_is_read(tmp_path, case):
+    name, place = case
     solid = PLACES[place] * LENSES[name].solid(2, 10.0)
     require_lens(written(solid.wrapped, tmp_path / "lens.step"), LENSES[name])
 
@@ -137,7 +153,7 @@ def test_a_lens_united_with_a_barrel_is_read(tmp_path):
     require_lens(written(solid.wrapped, tmp_path / "lens.step"), lens)
 
 
-@pytest.mark.parametrize("name", ["biconvex", "even asphere", "asphere"])
+@pytest.mark.parametrize("name", slow_unless("asphere".__eq__, ["biconvex", "even asphere", "asphere"]))
 def test_a_lens_of_rational_splines_is_read(tmp_path, name):
     """All surfaces as NURBS, as some exporters write them."""
     shape = BRepBuilderAPI_NurbsConvert(LENSES[name].solid(2).wrapped, True).Shape()
