@@ -311,7 +311,7 @@ def test_a_beam_that_is_placed_burns_as_one_on_the_axis(concentrated):
 
 def test_light_however_wide_is_searched_on_as_few_places(monkeypatch):
     """Rays of slopes as those of an emitter near grazing, to 1e9, around a bundle within half a disk: its
-    search of blocks in blocks did not end.  The disk holds all of the bundle, and no place is looked at twice.
+    search of blocks in blocks did not end.  The disk holds all of the bundle, after a look at few places.
     """
     rng = np.random.default_rng(1)
     tangents = np.tan(np.arcsin(np.sqrt(rng.uniform(0, 1 - 1e-18, 20_000))))
