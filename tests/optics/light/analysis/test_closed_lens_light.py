@@ -44,7 +44,7 @@ def found(request, tmp_path_factory, backend):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("optics.light.analysis.light_by_all_ways.nonsequential_light", kept)
         metrics = measure(system, lens, backend).metrics
-    (other,) = light
+    other = light[-1]  # noise of the first rays may ask for more
     return system, lens, other, metrics
 
 
