@@ -11,7 +11,7 @@ from optics.base.runtime import Backend, HelperProcess
 from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
-from optics.reporting.view import elements_sight, photo_caption, photograph, scene_paths
+from optics.reporting.view import MIRRORED, elements_sight, photo_caption, photograph, scene_paths
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -62,6 +62,8 @@ class DesignFigures:
         self._scene = self._figures("scene_view", plain, lens, irradiance, paths)
         self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
         self._seen_from = "behind" if system.axial else "beside"
+        if system.axial and system.target.mirrored:
+            self._seen_from += f", where {MIRRORED}"
 
     def photograph(self, system: OpticalSystem, lens: Lens, irradiance: Floats, backend: Backend) -> None:
         """Make the photograph, here, while another process draws."""

@@ -3,7 +3,6 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from optics.light.analysis.bypassing_light import PastLight, light_past_elements
     from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE, nonsequential_light
     from optics.light.analysis.judgement import (
         PICTURE_REL_L2,
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
         sequential,
         sequential_metrics,
     )
+    from optics.light.analysis.light_by_all_ways import light_past_elements
     from optics.light.analysis.light_estimate import LightEstimate
     from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
@@ -44,8 +44,12 @@ if TYPE_CHECKING:
         rel_l2,
         unit_mean,
     )
-    from optics.light.analysis.optic_words import passing_share, passing_words
     from optics.light.analysis.phase_space import PhaseSpace
-    from optics.light.analysis.photometric_metrics import photometric_lines, uniformity_metrics
+    from optics.light.analysis.photometric_metrics import (
+        passing_share,
+        passing_words,
+        photometric_lines,
+        uniformity_metrics,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -13,8 +13,8 @@ from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_rays import traced_parts
 from optics.light.analysis.light_of_wavelengths import light_of_plate
-from optics.light.analysis.optic_words import passing_share
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
+from optics.light.analysis.photometric_metrics import passing_share
 from optics.light.measuring import Splat
 from optics.light.tracing import (
     RayPath,
@@ -139,8 +139,8 @@ def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
         return []
     share, error = (100 * metrics[name] for name in ("crosstalk", "crosstalk_error"))
     return [
-        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that leaves by "
-        f"neighbours' fronts and rears; by walls and land {metrics['by_plate_edges']:.2%}"
+        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that goes forward and "
+        f"last met a neighbour's front or rear; by walls and land {metrics['by_plate_edges']:.2%}"
     ]
 
 

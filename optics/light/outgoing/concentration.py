@@ -38,8 +38,10 @@ PARTS, MOST_PARTS = 4, 1 << 16  # of a cell in each direction; of all cells, whe
 PLANES, CLOSER = 48, 12  # looked at, close together near the rear; steps around the two best of them
 AT_FACE = 8  # planes more, across a face to which light comes through air or which reflects
 ACROSS = 6  # bins across a disk
-WIDER = 1.01  # blocks over a disk, from which on they are cut again
-BLOCKS = 512  # of the light in each direction, at most
+FARTHEST = 2**28  # disks from the middle of the light: what is wider is thin there
+BRIGHT = 16384  # blocks around which disks are looked for
+ROW = 4 * FARTHEST  # from the number of a block to that of the next one in x
+STEPS = 0, 1, ROW, ROW + 1  # from the first of 2 x 2 blocks to all of them
 SEARCHED, SEARCHED_LAST = 4, 64  # of these, the brightest, for disks; on the plane that is found
 SUNLIGHT = 1.0  # kW/m^2, across the beam
 
@@ -115,35 +117,39 @@ def _planes(light: StraightLight) -> Floats:
     return behind if light.nearest == light.z0 else np.concatenate([at_face, behind])
 
 
-def _most_in_disk(light: StraightLight, way: float, diameter: float, blocks: int, best: float = 0.0) -> float:
-    """Return the greatest flux within a disk on a plane, W; no less than the best known.
+def _most_in_disk(light: StraightLight, way: float, diameter: float, blocks: int) -> float:
+    """Return the greatest flux within a disk on a plane, W.
 
     way : mm behind the plane z0.  blocks : to look in
 
-    A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these.  Where light is so
-    wide that blocks are larger than a disk, each is cut into blocks again.
+    A disk lies in 2 x 2 blocks of its size.  It is looked for in the brightest of these that hold one of the
+    BRIGHT brightest blocks.  Only blocks that light meets are kept: what is wide costs no more.
     """
-    a, b = light.middle[0] + way * light.middle[1]
-    a -= a.min()
-    b -= b.min()
-    block = max(diameter, max(a.max(), b.max()) / BLOCKS)
-    i, j = ((c / block).astype(int) for c in (a, b))
-    rows, columns = i.max() + 2, j.max() + 2  # a dark one behind the last
-    number = i * columns + j
-    flux = np.bincount(number, light.flux, rows * columns).reshape(rows, columns)
-    pairs = flux[1:] + flux[:-1]
-    four = (pairs[:, 1:] + pairs[:, :-1]).ravel()
+    a, b = ((c - np.median(c)) / diameter for c in light.middle[0] + way * light.middle[1])
+    near = np.flatnonzero((np.abs(a) < FARTHEST) & (np.abs(b) < FARTHEST))
+    if not near.size:
+        return 0.0
+    number = np.floor(a[near]).astype(np.int64) * ROW + np.floor(b[near]).astype(np.int64)
+    order = np.argsort(number, kind="stable")
+    number = number[order]
+    first = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
+    lit, ends, flux = (
+        number[first],
+        np.append(first, len(order)),
+        np.add.reduceat(light.flux[near[order]], first),
+    )
+    bright = np.argpartition(-flux, min(BRIGHT, flux.size) - 1)[:BRIGHT]
+    corners = np.unique(np.concatenate([lit[bright] - step for step in STEPS]))
+    places = [np.minimum(np.searchsorted(lit, corners + step), len(lit) - 1) for step in STEPS]
+    there = [lit[place] == corners + step for place, step in zip(places, STEPS)]
+    four = np.sum([np.where(met, flux[place], 0.0) for place, met in zip(places, there)], axis=0)
     brightest = np.argpartition(-four, min(blocks, four.size) - 1)[:blocks]
+    best = 0.0
     for k in brightest[np.argsort(-four[brightest])]:
         if four[k] <= best:
             break
-        row, column = divmod(int(k), columns - 1)
-        wanted = np.zeros((rows, columns), bool)
-        wanted[row : row + 2, column : column + 2] = True
-        inside = np.flatnonzero(wanted.ravel()[number])
-        if block > WIDER * diameter and len(inside) < len(a):
-            best = _most_in_disk(light.of(inside), way, diameter, blocks, best)
-            continue
+        some = [order[ends[p[k]] : ends[p[k] + 1]] for p, met in zip(places, there) if met[k]]
+        inside = near[np.sort(np.concatenate(some))]
         x, y = light.start[:, :, inside] + way * light.slope[:, :, inside]
         best = max(best, _most_of_few(x, y, light.flux[inside], diameter))
     return best

@@ -70,6 +70,7 @@ def plane_figure(
     label: str,
     colours: str,
     limits: tuple[float, float],
+    mirrored: bool = False,
 ) -> bytes:
     """Return an image over a rectangle as a picture with axes and a scale.
 
@@ -77,6 +78,7 @@ def plane_figure(
     shown as means of blocks, see `block`.
 
     data : (rows, columns), row 0 at +y.  half_width : in x and y.  limits : of the scale.
+    mirrored : x goes to the left.
     """
     side = block(data.shape)
     pitch = [2 * h / n for h, n in zip(half_width, data.shape[::-1])]
@@ -94,6 +96,8 @@ def plane_figure(
         interpolation="nearest",
         aspect="auto",
     )
+    if mirrored:
+        axes.invert_xaxis()
     axes.spines[:].set_visible(False)  # the frame is drawn by `_place`
     axes.spines[:].set_position(("outward", BESIDE))
     axes.set(xlabel=f"x / {unit}", ylabel=f"y / {unit}")

@@ -32,6 +32,7 @@ DARK = 0.75  # of the colours, from which on they are too light for thin lines
 SAMPLES = 400  # of a sag, along the longer side
 MOST = 0.995  # quantile of the fringe at which its scale ends
 LEAST_SCALE = 1e-3  # in (u', v'): a tenth of what an eye sees between two fields
+MIRRORED = "Seen from the side of the light, where the picture reads right: x goes to the left."
 
 
 def light_figures(
@@ -47,18 +48,20 @@ def light_figures(
     quantity = density.quantity
     label, side = f"{quantity} / mean", block(target.shape)
     merged = f" Every pixel of the figures is the mean of {side} x {side}." if side > 1 else ""
+    seen = f" {MIRRORED}" if system.target.mirrored else ""
 
     def picture(data: Floats, text: str, colours: str, low: float, high: float) -> bytes:
-        return plane_figure(data, system.target.settings.half_width, unit, text, colours, (low, high))
+        half_width, mirrored = system.target.settings.half_width, system.target.mirrored
+        return plane_figure(data, half_width, unit, text, colours, (low, high), mirrored)
 
     figures = {
         "target": (
-            f"The light asked for; its mean is {density.text(mean)}.{merged}",
+            f"The light asked for; its mean is {density.text(mean)}.{merged}{seen}",
             picture(target, label, "gray", 0, top),
         ),
         "irradiance": (
             f"The light that the {word} makes ({counted_ways(measurement.metrics)}; fresh rays, box pixels), "
-            "on the scale of the light asked for.",
+            f"on the scale of the light asked for.{seen}",
             picture(irradiance, label, "gray", 0, top),
         ),
         "error": (

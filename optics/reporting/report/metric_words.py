@@ -43,7 +43,10 @@ WORDS = {
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux goes on and misses the target"),
-    "crosstalk": (PERCENT, "of the middle source's flux leaves a plate by neighbours' fronts and rears"),
+    "crosstalk": (
+        PERCENT,
+        "of the middle source's flux goes forward and last met a neighbour's front or rear",
+    ),
     "by_plate_edges": (PERCENT, "of the middle source's flux leaves a plate forward by its walls and land"),
     "normal_incidence_transmittance": (
         PERCENT,

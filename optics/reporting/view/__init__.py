@@ -5,7 +5,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from .drawn_rays import scene_paths, stop_rims
     from .glass_camera import elements_sight, photograph
-    from .photo_room import photo_caption
+    from .photo_room import MIRRORED, photo_caption
     from .scene_layout import DrawnElement, Scene, block_means, caption, drawn_elements, placed
     from .solid_renderer import Face, View, oblique, outermost, rendered, solid_faces, within_foot
     from .viewer_page import scene_page

@@ -46,6 +46,7 @@ TALLER = 1.06  # half-heights of the screen from its middle down to the table
 STANDING = 1.3  # half-heights of the lens from its axis down to the table, at least
 LIFTED = 0.1  # half-widths of the lens: the least height of all things over the table
 POST = 0.06  # of an element's half-width: radius of the post it stands on
+MIRRORED = "the picture reads right from the lens's side, and is mirrored here"
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +268,8 @@ def photo_caption(system: OpticalSystem, lens: Lens) -> str:
         shown = f"The lens as glass and its {light}, seen from behind the screen. The room is invented"
     if room.angular:
         screen = f"it shows the intensity in every direction, up to {WIDEST:g} degrees"
-        return f"{shown}, and so is the screen: {screen}."
-    parts = []
+        return f"{shown}, and so is the screen: {screen}.{f' {MIRRORED}.' if system.target.mirrored else ''}"
+    parts = [MIRRORED] if system.target.mirrored and system.axial else []
     if room.smaller > 1:
         parts.append(f"screen and distance are drawn {room.smaller:g} times smaller than they are")
     if abs(room.stretch - 1) > ROUNDING:

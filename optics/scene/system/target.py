@@ -96,7 +96,12 @@ class LightTarget:
         with speaking_of("target.image"):
             light = read_picture(target.image, target.encoding)
         # column 0 is at -x: on the left for one behind the target, on the right for one at the lens
-        return np.ascontiguousarray(light[:, ::-1]) if target.seen_from == "lens" else light
+        return np.ascontiguousarray(light[:, ::-1]) if self.mirrored else light
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the viewer for whom the picture reads right sees x go to the left."""
+        return self.settings.seen_from == "lens"
 
     @cached_property
     def lit_pixels(self) -> NDArray[np.bool_] | None:
@@ -142,7 +147,7 @@ class LightTarget:
 
     def zone_rows(self, screen: Screen) -> list[ZoneRow]:
         """Return the rows of all zones, to read light on a screen's pixels, flux per area there."""
-        right = -1 if self.settings.seen_from == "lens" else 1
+        right = -1 if self.mirrored else 1
         unit = 1 / units_of("lm").density(self.far_field).factor
         rows: list[ZoneRow] = []
         for name, zone in self.settings.zones:

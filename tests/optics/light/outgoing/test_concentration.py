@@ -11,8 +11,15 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from optics.base.runtime import UserError, load_backend
-from optics.light.outgoing import Concentration, concentration_sentence, fire_warning, greatest_concentration
+from optics.light.outgoing import (
+    Concentration,
+    concentration,
+    concentration_sentence,
+    fire_warning,
+    greatest_concentration,
+)
 from optics.light.outgoing.concentration import _gathered
+from optics.light.outgoing.straight_light import StraightLight
 from optics.scene.problem import Problem
 from optics.scene.system import OpticalSystem
 from tests.cases import THOROUGH, examples
@@ -300,3 +307,36 @@ def test_a_beam_that_is_placed_burns_as_one_on_the_axis(concentrated):
     (_, plain), (system, there) = concentrated(BURNING), concentrated(BURNING | placed)
     assert there.sunlight == pytest.approx(plain.sunlight, rel=0.02)
     assert "times that of the beam" in concentration_sentence(system, there)
+
+
+def test_light_however_wide_is_searched_on_as_few_places(monkeypatch):
+    """Rays of slopes as those of an emitter near grazing, to 1e9, around a bundle within half a disk: its
+    search of blocks in blocks did not end.  The disk holds all of the bundle, after a look at few places.
+    """
+    rng = np.random.default_rng(1)
+    tangents = np.tan(np.arcsin(np.sqrt(rng.uniform(0, 1 - 1e-18, 20_000))))
+    turns = rng.uniform(0, 2 * np.pi, 20_000)
+    slope = np.stack([tangents * np.cos(turns), tangents * np.sin(turns)])
+    bundle = 500.0 + rng.uniform(-0.1, 0.1, (2, 400))
+    start = np.concatenate([rng.uniform(-5, 5, (2, 20_000)), bundle], axis=1)
+    slope = np.concatenate([slope, np.zeros((2, 400))], axis=1)
+    number = slope.shape[1]
+    light = StraightLight(
+        face=1,
+        start=start[:, None, :],
+        slope=slope[:, None, :],
+        middle=(start, slope),
+        flux=np.ones(number),
+        begin=np.zeros(number),
+        end=np.full(number, np.inf),
+        z0=0.0,
+        depth=0.0,
+        nearest=0.0,
+        farthest=1000.0,
+        disk=1.0,
+    )
+    few, calls = concentration._most_of_few, list[int]()
+    monkeypatch.setattr(concentration, "_most_of_few", lambda *a: calls.append(a[2].size) or few(*a))
+    assert concentration._most_in_disk(light, 1000.0, 1.0, 4) == pytest.approx(400, rel=1e-12)
+    assert len(calls) <= 4
+    assert max(calls) < 500

@@ -9,10 +9,11 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
 from PIL import Image
 
+from optics.light.analysis import measure
 from optics.reporting.figures import lens_and_light as figures
 from optics.reporting.figures.canvas import DPI, block, new_figure, plane_figure, png_bytes
-from optics.reporting.figures.lens_and_light import lens_figures
-from tests.optics.cases import small_lens
+from optics.reporting.figures.lens_and_light import lens_figures, light_figures
+from tests.optics.cases import small_lens, small_system
 from tests.optics.exchange.verification.cases import shaped
 from tests.optics.reporting.cases import pixels
 from thbcad.lens import FreeformSurface, Lens
@@ -164,3 +165,21 @@ def test_the_jump_from_coarse_to_fine_pixels_is_marked_and_both_are_named(tmp_pa
     assert list(border.get_xdata()) == [4.5, 4.5]
     for figure in drawn:
         plt.close(figure)
+
+
+def test_a_picture_for_viewers_at_the_lens_is_drawn_as_they_see_it(tmp_path, backend):
+    """x goes to the left: all but the numbers below is that of the mirror image, and the caption says so."""
+    data = np.random.default_rng(1).uniform(0, 1, (40, 40))
+    arguments = (100.0, 100.0), "mm", LABEL, "gray", (0.0, 1.0)
+    seen, mirror = (
+        pixels(p) for p in (plane_figure(data, *arguments, True), plane_figure(data[:, ::-1], *arguments))
+    )
+    assert (seen[:500] == mirror[:500]).all()
+    captions = []
+    for side in ("behind", "lens"):
+        system = small_system(tmp_path, {"target.seen_from": side, "target.pixels": [8, 8]})
+        found = measure(system, system.lens, backend)
+        figures = light_figures(system, system.lens, found, {})
+        captions.append([figures[name][0] for name in ("target", "irradiance")])
+    assert not any("x goes to the left" in caption for caption in captions[0])
+    assert all("x goes to the left" in caption for caption in captions[1])

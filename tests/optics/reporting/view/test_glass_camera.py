@@ -67,6 +67,7 @@ def test_the_screen_leaves_the_lens_free_and_both_are_in_the_picture(made, dista
 
 def test_the_caption_says_what_is_not_drawn_as_it_is(made):
     assert photo_caption(*made({})).endswith("The room is invented.")
+    assert "is mirrored here" in photo_caption(*made({"target.seen_from": "lens"}))
     assert "100 times smaller" in photo_caption(*made({"target.half_width": [2400.0, 2400.0]}))
     assert "the distance to the screen is drawn 0." not in photo_caption(*made({"target.distance": 2.0}))
     far = {"target.distance": np.inf, "target.half_width": [10.0, 10.0]}
