@@ -92,7 +92,9 @@ def _surface_rows(
         radius = getattr(surface, side)
         yield _radius_row(f"least {side} radius of the {name}", side, radius)
         if lit is not None:
-            yield _radius_row(f"least {side} radius of the {name} where light meets it", side, getattr(lit, side))
+            yield _radius_row(
+                f"least {side} radius of the {name} where light meets it", side, getattr(lit, side)
+            )
     yield f"range of heights of the {name}", surface.heights.value, "mm", positions(surface.heights)
     if surface.departure is not None:
         yield f"range of the sag of the {name}", surface.departure.value, "mm", positions(surface.departure)

@@ -43,7 +43,9 @@ def paraboloid_light(system, backend, radius):
     inner = np.stack([kv.knots[i : kv.dim + i] for i in (1, 2, 3)])
     squares = (inner[0] * inner[1] + inner[0] * inner[2] + inner[1] * inner[2]) / 3
     sag = (1 / radius - 1 / rear.conic.radius) / 2 * (squares[:, None] + squares)
-    sag = sag + np.clip(0.0, -system.freeforms[-1].freedom - sag.min(), system.freeforms[-1].freedom - sag.max())
+    sag = sag + np.clip(
+        0.0, -system.freeforms[-1].freedom - sag.min(), system.freeforms[-1].freedom - sag.max()
+    )
     lens = system.lens.with_sags([THBSurface(space, sag.ravel())])
     made = FreeformSurface(rear.half_width, Conic(radius, -1.0))
     x = np.linspace(-50.0, 50.0, 7)
@@ -74,7 +76,9 @@ def test_the_limit_that_costs_the_light_is_named_before_and_after_the_design(bac
     assert checked(done) == []
     assert light_of(done, backend)["rel_l2"] < 0.55
     (sentence,) = [note for note in done.notes if "costs the light" in note]
-    assert sentence.startswith("limits.concave_radius = 400 mm costs the light: the start has a rel_l2 of 0.5")
+    assert sentence.startswith(
+        "limits.concave_radius = 400 mm costs the light: the start has a rel_l2 of 0.5"
+    )
     assert sentence.endswith("with it and below 0.01 without it; the light asks for 256.4 mm")
     found, _ = expected(system, backend)
     assert [cost.miss.key for cost in found.limit_costs] == ["concave_radius"]

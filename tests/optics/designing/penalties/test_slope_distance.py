@@ -51,8 +51,8 @@ def test_the_distance_of_paraboloids_is_that_of_their_curvatures():
 
 
 def test_only_slopes_where_light_goes_count():
-    """Dark points have a thousandth of the weight, twice for half of the area; and as the slopes x over the half
-    have a quarter of the variance along it, the sum by which it is divided is 5 / 8 of that of the whole."""
+    """Dark points have a thousandth of the weight, twice for half of the area.  The slopes x over the half
+    have a quarter of the variance along it, so that the divisor is 5 / 8 of that of the whole."""
     x = np.linspace(-HALF, HALF, 41)
     right = np.where(x[:, None] > 0, 1.0, 0.0) + np.zeros((41, 41))
     start, other = paraboloid((0.0, 0.0)), paraboloid((0.0, 0.0)).copy()
