@@ -24,7 +24,7 @@ from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.light.measuring import Mirrors
-from optics.scene.limits import feature_levels
+from optics.scene.limits import THINNEST, feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow, with_mirror_images
 from optics.scene.system import OpticalSystem
@@ -32,7 +32,6 @@ from thbcad.checks import Floats, Integers
 from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
-THINNEST = 0.05  # of the thickness: the least that is kept where the surfaces could cross
 REPLICATES = 4  # of light by other ways: windows and the optimiser's steps smooth what noise is left
 FINISH_DEGREE = 2  # of the B-spline window of the last pass: three pixels wide
 

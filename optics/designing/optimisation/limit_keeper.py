@@ -20,6 +20,7 @@ from math import ceil
 
 from optics.designing.optimisation.limited_shapes import BENDING, LimitedShapes, Sags
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
+from optics.designing.penalties import ShapePenalty
 from optics.designing.starts import TransportStart
 from optics.scene.limits import costs_light
 from optics.scene.system import OpticalSystem

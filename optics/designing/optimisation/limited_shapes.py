@@ -1,8 +1,8 @@
 """Free surfaces moved within the limits of manufacture, so that their light changes little.
 
-A move lifts whole surfaces first, which light hardly feels.  Then it minimises the change of the slopes, which
-is about how far the light moves, together with the penalties of the limits: a few passes of the augmented
-Lagrangian (`ShapePenalty.tightened`), until the limits are kept.
+A move lifts whole surfaces first, which changes the light little.  Then it minimises the change of the
+slopes, which is about how far the light moves, together with the penalties of the limits: a few passes of the
+augmented Lagrangian (`ShapePenalty.tightened`), until the limits are kept.
 """
 
 from __future__ import annotations
@@ -134,10 +134,7 @@ class LimitedShapes:
         are kept: the light that limits on curvature cannot spread enough spreads more over a longer way."""
         *others, last = sags
         c, bound = last.coefficients, INSIDE * self._bounds[-1]
-        ends = (
-            (*others, THBSurface(last.space, c + shift))
-            for shift in (-bound - c.min(), bound - c.max())
-        )
+        ends = ((*others, THBSurface(last.space, c + shift)) for shift in (-bound - c.min(), bound - c.max()))
         return [end for end in ends if penalty.cleared([sag.coefficients for sag in end])]
 
     def costs(self, sags: Sags, misfit: Callable[[Sags], float]) -> list[LimitCost]:
@@ -156,7 +153,7 @@ class LimitedShapes:
         return sorted((cost for cost in found if cost.counts), key=lambda cost: -cost.kept)
 
     def _misses_where_lit(self, sags: Sags) -> list[Miss]:
-        """Return the limits that surfaces miss, one of each key; radii of curvature count where light goes."""
+        """Return the limits that surfaces miss, one of each key; radii count only where light goes."""
         shaped, lens = self._system.with_sags(self._lens, sags)
         found = dict[str, Miss]()
         for miss in curable_misses(shaped, lens):
@@ -184,7 +181,7 @@ class LimitedShapes:
         return sags
 
     def missed(self, sags: Sags) -> set[str]:
-        """Return the keys of the limits that are not certain to be kept, except those that no sag can mend."""
+        """Return the keys of the limits that are not certainly kept, except those that no sag can mend."""
         return {miss.key for miss in curable_misses(*self._system.with_sags(self._lens, sags))}
 
     def moved(self, sags: Sags, penalty: ShapePenalty, within: Sags | None = None) -> Sags | None:

@@ -5,9 +5,10 @@ With the Hessian D^2 of a sag s, h the larger half-width, and means over points 
     roughness    h^2 mean |D^2 s|^2                  the bending energy of a thin plate
     a limit      w mean max(0, g + shift)^2          g the relative excess over the limit, w = WEIGHT
 
-A shift is the room that is to be left, at first ROOM, and a Lagrange multiplier divided by 2 w, as in the
-augmented Lagrangian.  The multiplier begins as 0 and follows the excess at a minimum.  Source: M. Powell, A method for nonlinear constraints in
-minimization problems, in: R. Fletcher (ed.), Optimization, 1969.
+A shift is the margin to be left below the limit, ROOM by default, plus a Lagrange multiplier divided by 2 w,
+as in the augmented Lagrangian.  The multiplier begins as 0 and follows the excess at a minimum.
+Source: M. Powell, A method for nonlinear constraints in minimization problems, in: R. Fletcher (ed.),
+Optimization, 1969.
 """
 
 from __future__ import annotations
@@ -76,7 +77,8 @@ class ShapePenalty:
         """Return the penalty without those of other limits."""
         other, kept = copy(self), [k for k, e in enumerate(self._excesses) if e.key in keys]
         other._excesses = [self._excesses[k] for k in kept]
-        other._rooms, other._shifts = ([of[k] for k in kept] for of in (self._rooms, self._shifts))
+        other._rooms = [self._rooms[k] for k in kept]
+        other._shifts = [self._shifts[k] for k in kept]
         return other
 
     def exceeded(self, coefficients: Sequence[Floats]) -> bool:

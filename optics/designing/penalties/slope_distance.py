@@ -80,9 +80,7 @@ class SlopeDistance:
         """
         nearest = [
             _nearest(samples, weights, slopes, ends)
-            for samples, weights, slopes, ends in zip(
-                self._samples, self._weights, self._slopes(), ranges
-            )
+            for samples, weights, slopes, ends in zip(self._samples, self._weights, self._slopes(), ranges)
         ]
         return [_conic_sag(s, conic, a, b) for s, conic, (a, b) in zip(self._spaces, self._conics, nearest)]
 
@@ -115,7 +113,7 @@ def _nearest(
 
 
 def _conic_sag(space: THBSpace, conic: Conic, a: Floats, b: Floats) -> THBSurface:
-    """Return the sag between the conic of a surface and that of A and b, by interpolation on the coarsest mesh."""
+    """Return the sag between the conic of a surface and that of A and b, on the coarsest mesh."""
     knots = space.kv_u, space.kv_v
     x, y = (kv.greville() for kv in knots)
     bent = np.einsum("ij,jkl->ikl", a, np.stack(np.meshgrid(x, y, indexing="ij")))

@@ -99,8 +99,8 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.limit_costs:
         keys = " and ".join(f"limits.{cost.miss.key}" for cost in expected.limit_costs)
-        kept = expected.limit_costs[0].kept
-        return f"rel_l2: not predicted, since {keys} changes the start; {start} without limits, {kept:.2g} with"
+        kept = f"{start} without limits, {expected.limit_costs[0].kept:.2g} with the one that costs most"
+        return f"rel_l2: not predicted, since the start keeps {keys}; {kept}"
     if whose:
         return f"rel_l2: not predicted for a plate, whose pictures are displaced; {start}"
     if expected.blocked >= TAKEN:

@@ -37,6 +37,7 @@ from optics.interface.api.design_figures import DesignFigures
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.level_records import level_contents
 from optics.light.analysis import delivery_checks, judged
+from optics.light.outgoing import lit_parts
 from optics.light.tracing import LandingPoints
 from optics.reporting.report import Report, light_files, report_html
 from optics.scene.limits import as_data, limit_checks, manufacture_rows
@@ -204,7 +205,8 @@ def write_result(
         for sentence in etendue.limits:
             design.notes(sentence)
         writer.place_steps(export.files)
-        writer.write_claims("manufacture.json", as_data(product))
+        lit = lit_parts(system, lens, system.backend)
+        writer.write_claims("manufacture.json", as_data(product, lit))
         checked = writer.write_claims("verify.json", _verification(design, checks, export))
         clock.lap("verify")
         solids_peak = solids.ask(*PEAK)
@@ -241,6 +243,7 @@ def write_result(
             product,
             design.problem.source.wavelength,
             [design.problem.optic.face_name(side) for side in ("front", "rear")],
+            lit,
         ),
         pictures=figures.pictures,
         levels=figures.levels(),

@@ -8,10 +8,11 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
+from optics.scene.limits import LitPart
 from optics.scene.sources import RayGrid, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Bools, Floats
-from thbcad.lens import Lens
+from thbcad.lens import Lens, radii_within
 from thbcad.outlines import Outline, Polygon
 
 CELLS = (512, 512)  # of the source; sources with extent have as many rays
@@ -80,6 +81,20 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
         x, y = least.get(name, (0.0, 0.0))  # of a face that is met twice
         least[name] = max(x, float(hx)), max(y, float(hy))
     return least
+
+
+def lit_parts(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, LitPart]:
+    """Return the parts that light meets of the free "front" and "rear" of the element that is designed.
+
+    backend : of double precision.
+    """
+    optic, parts = system.problem.optic, dict[str, LitPart]()
+    halves = least_half_widths(system, lens, backend)
+    for name, face in zip(system.problem.face_names, system.problem.faces_met):
+        half = halves[name]
+        if face.optic is optic and face.face in optic.free and min(half) > 0:
+            parts[face.face] = LitPart(half, *radii_within(lens, face.face, half))
+    return parts
 
 
 def cut_cost(system: OpticalSystem, lens: Lens, backend: Backend, cut: Outline | Polygon) -> CutCost:

@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.scene.limits.limit_cost import COSTS, LimitCost, costs_light
-    from optics.scene.limits.manufacture_text import as_data, bound_data, manufacture_rows, position
+    from optics.scene.limits.manufacture_text import LitPart, as_data, bound_data, manufacture_rows, position
     from optics.scene.limits.misses import (
         Miss,
         feature_levels,
@@ -13,6 +13,6 @@ if TYPE_CHECKING:
         limit_misses,
         require_limits,
     )
-    from optics.scene.limits.remedies import limit_sentences
+    from optics.scene.limits.remedies import THINNEST, limit_sentences
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

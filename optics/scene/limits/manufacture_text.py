@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -12,12 +13,28 @@ from thbcad.lens import HeightRange, Manufacturability, SurfaceMetrics
 Row = tuple[str, float, str, str]
 
 
+@dataclass(frozen=True)
+class LitPart:
+    """The least radii of curvature of a surface, mm, over the part that light meets.
+
+    half_width : of that part, which has the shape of the outline, mm.
+    """
+
+    half_width: tuple[float, float]
+    concave: Enclosure
+    convex: Enclosure
+
+
 def manufacture_rows(
-    metrics: Manufacturability, wavelength: float, names: Sequence[str] = ("front", "rear")
+    metrics: Manufacturability,
+    wavelength: float,
+    names: Sequence[str] = ("front", "rear"),
+    lit: Mapping[str, LitPart] | None = None,
 ) -> list[Row]:
     """Return rows (name, value, unit, position); a radius that occurs nowhere is infinite.
 
     wavelength : nm, with which the features are compared.  names : of the faces, in words.
+    lit : the parts of "front" and "rear" that light meets.
     """
     rows = [
         ("centre thickness", metrics.centre_thickness.value, "mm", position(metrics.centre_thickness)),
@@ -25,23 +42,26 @@ def manufacture_rows(
         ("least thickness", metrics.thickness.value, "mm", position(metrics.thickness)),
         ("greatest thickness", metrics.greatest_thickness.value, "mm", position(metrics.greatest_thickness)),
     ]
-    for name, surface in zip(names, metrics.surfaces.values()):
-        rows += _surface_rows(name, surface, wavelength)
+    for name, (side, surface) in zip(names, metrics.surfaces.items()):
+        rows += _surface_rows(name, surface, wavelength, (lit or {}).get(side))
     rows.append(("volume", metrics.volume, "mm^3", ""))
     if metrics.mass is not None:
         rows.append(("mass", metrics.mass, "g", ""))
     return rows
 
 
-def as_data(metrics: Manufacturability) -> dict[str, Any]:
-    """Return the metrics as plain data for JSON; an infinite number is None."""
+def as_data(metrics: Manufacturability, lit: Mapping[str, LitPart] | None = None) -> dict[str, Any]:
+    """Return the metrics as plain data for JSON; an infinite number is None.  lit : as of the rows."""
     thicknesses = {
         name: bound_data(getattr(metrics, name))
         for name in ("thickness", "centre_thickness", "edge_thickness", "greatest_thickness")
     }
     return {
         **{f"{name}_mm": data for name, data in thicknesses.items()},
-        **{name: _surface_data(surface) for name, surface in metrics.surfaces.items()},
+        **{
+            name: _surface_data(surface) | {"lit_part": _lit_data((lit or {}).get(name))}
+            for name, surface in metrics.surfaces.items()
+        },
         "volume_mm3": metrics.volume,
         "density_g_cm3": metrics.density,
         "mass_g": metrics.mass,
@@ -64,15 +84,17 @@ def _length(value: float) -> str:
     return f"{round(value, 9) + 0.0:.4g}"
 
 
-def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iterator[Row]:
+def _surface_rows(
+    name: str, surface: SurfaceMetrics, wavelength: float, lit: LitPart | None
+) -> Iterator[Row]:
     yield f"greatest slope of the {name}", surface.slope.value, "degrees", position(surface.slope)
-    for side, radius in (("concave", surface.concave), ("convex", surface.convex)):
-        yield (
-            f"least {side} radius of the {name}",
-            radius.value,
-            "mm",
-            position(radius) if isfinite(radius.value) else f"nowhere {side}",
-        )
+    for side in ("concave", "convex"):
+        radius = getattr(surface, side)
+        yield _radius_row(f"least {side} radius of the {name}", side, radius)
+        if lit is not None:
+            yield _radius_row(
+                f"least {side} radius of the {name} where light meets it", side, getattr(lit, side)
+            )
     yield f"range of heights of the {name}", surface.heights.value, "mm", positions(surface.heights)
     if surface.departure is not None:
         yield f"range of the sag of the {name}", surface.departure.value, "mm", positions(surface.departure)
@@ -82,6 +104,20 @@ def _surface_rows(name: str, surface: SurfaceMetrics, wavelength: float) -> Iter
             yield f"smallest feature of the {name} in {axis}", size, "mm", level
         yield f"smallest feature of the {name}", surface.feature.wavelengths(wavelength), "wavelengths", level
     yield f"area of the {name}", surface.area, "mm^2", ""
+
+
+def _radius_row(name: str, side: str, radius: Enclosure) -> Row:
+    return name, radius.value, "mm", position(radius) if isfinite(radius.value) else f"nowhere {side}"
+
+
+def _lit_data(lit: LitPart | None) -> dict[str, Any] | None:
+    if lit is None:
+        return None
+    return {
+        "half_width_mm": list(lit.half_width),
+        "concave_radius_mm": bound_data(lit.concave),
+        "convex_radius_mm": bound_data(lit.convex),
+    }
 
 
 def _surface_data(surface: SurfaceMetrics) -> dict[str, Any]:

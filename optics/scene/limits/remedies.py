@@ -20,6 +20,7 @@ from optics.scene.problem import Optic, Problem
 from thbcad.lens import FreeformSurface, Lens, Manufacturability, mass
 
 DIGITS = 4  # of the numbers in a remedy
+THINNEST = 0.05  # of the thickness: the least that a design keeps where the surfaces could cross
 LEAST_HEIGHT = 0.1  # of the height of the surfaces: flatter ones could not send the light there
 
 
@@ -54,7 +55,7 @@ def limit_sentences(
             kept = f"limits.{miss.key}={_allowed(problem, miss)}"
             wishes.append(Wish(cause, *_setting(problem, metrics, miss), kept))
     if crossing:
-        thicker = _rounded(problem.optic.thickness + crossing, True)
+        thicker = _rounded((problem.optic.thickness + crossing) / (1 - THINNEST), True)
         cause = f"{of}the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
         wishes.append(Wish(cause, problem.optic.key("thickness"), [thicker], True))
     wishes, given_up = _without_conflict(problem, metrics, wishes)
@@ -138,7 +139,8 @@ def _without_conflict(
     """
     thickness = problem.optic.key("thickness")
     thicker, thinner = ([w for w in wishes if w.key == thickness and w.more is up] for up in (True, False))
-    if thinner and problem.optic.thickness - _best(thinner)[0] >= metrics.thickness.lower:
+    too_thin = thinner and _best(thinner)[0] <= 0
+    if too_thin or (thinner and problem.optic.thickness - _best(thinner)[0] >= metrics.thickness.lower):
         return [w for w in wishes if w not in thinner], thinner
     if not (thicker and thinner):
         return wishes, []

@@ -9,6 +9,7 @@ import pytest
 
 from optics.designing.optimisation import limit_keeper
 from optics.designing.optimisation.limit_keeper import PASSES
+from optics.designing.optimisation.limited_shapes import LimitedShapes
 from optics.designing.optimisation.loop import shape_lens
 from optics.designing.optimisation.stage_search import Interrupted
 from optics.light.engines import ExactEngine
@@ -159,7 +160,7 @@ def test_a_radius_far_from_that_of_the_start_is_kept_however_few_the_steps(tmp_p
 
 
 def test_a_limit_that_no_surface_keeps_is_said_to_be_left_out(tmp_path, backend, monkeypatch):
-    monkeypatch.setattr(limit_keeper.LimitKeeper, "_moved", lambda *_: None)
+    monkeypatch.setattr(LimitedShapes, "moved", lambda *_: None)
     done = designed(tmp_path, backend, {"limits.radius": 1e4})
     assert "no surface is found that keeps limits.radius, so that the design leaves it out" in done.notes
 

@@ -369,14 +369,14 @@ def test_room_is_charged_from_before_the_limit_and_half_of_it_is_enough():
 
 
 def test_multipliers_follow_the_excess_and_keep_the_force():
-    """With 10 times the weight and a tenth of the shifted excess as the shift, the force of the multiplier
-    w (g + s) stays; the excess g itself adds 10 w g."""
+    """With 10 times the weight and a tenth of the shifted excess as the multiplier, its force w (g + s)
+    stays; the excess g over the limit with its room adds 10 w g."""
     limit = certified(BOTH).centre_thickness.value / 0.97
     penalty, at = penalty_of(BOTH, centre_thickness=limit), coefficients(BOTH)
     before, after = (p(at)[0] for p in (penalty, penalty.tightened(at)))
     shifted = 0.03 + ROOM
     assert before == pytest.approx(WEIGHT * shifted**2, rel=1e-6)
-    assert after == pytest.approx(10 * WEIGHT * (0.03 + shifted / 10) ** 2, rel=1e-6)
+    assert after == pytest.approx(10 * WEIGHT * (shifted + shifted / 10) ** 2, rel=1e-6)
 
 
 def test_the_mass_of_a_body_and_of_a_plate_is_that_of_what_is_made():

@@ -20,6 +20,7 @@ from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
 from thbcad.lens import manufacturability
+from thbcad.surfaces import THBSurface
 
 
 def limited(problem, **limits):
@@ -239,6 +240,22 @@ def test_a_lens_that_must_be_thicker_and_thinner_becomes_flatter(tmp_path):
     key, distance = sentence.rpartition("--set ")[2].split("=")
     assert key == "target.distance"
     assert float(distance) == pytest.approx(60 * 2.5 / 1.5, rel=3e-3)  # both ends by 1e-3 mm
+
+
+def test_surfaces_that_cross_get_the_thickness_that_a_design_keeps_between_them(tmp_path):
+    """A design leaves a twentieth of the thickness: 6 + 1.5 mm are 0.95 of what is needed."""
+    problem, _, found = designed(tmp_path, height=0.0)
+    (sentence,) = limit_sentences(problem, found, crossing=1.5)
+    assert sentence.endswith("cross by 1.5 mm: --set lens.thickness=7.895")
+
+
+def test_a_remedy_is_no_thickness_below_zero(tmp_path):
+    """Raised by 5 mm the lens is 11 mm thick at least and 13.5 mm at most, wanted at most 4 mm."""
+    problem, lens, _ = designed(tmp_path, height=0.0)
+    (sag,) = lens.sags
+    found = manufacturability(lens.with_sags([THBSurface(sag.space, np.full(sag.space.dim, 5.0))]), 1.19)
+    (sentence,) = limit_sentences(limited(problem, greatest_thickness=4.0), found)
+    assert sentence.endswith("--set limits.greatest_thickness=13.51")
 
 
 def test_limits_that_no_lens_keeps_give_way(tmp_path):

@@ -6,10 +6,10 @@ from math import inf, isfinite
 import numpy as np
 import pytest
 
-from optics.scene.limits import as_data, manufacture_rows, position
+from optics.scene.limits import LitPart, as_data, manufacture_rows, position
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
 from thbcad.certified import Enclosure
-from thbcad.lens import manufacturability
+from thbcad.lens import manufacturability, radii_within
 
 
 def test_positions_on_an_axis_are_zero_and_not_what_rounding_left():
@@ -37,6 +37,19 @@ def test_rows_name_every_figure_once(tmp_path):
         name.replace("rear", "front") for name in names if name.endswith("of the rear")
     ]
     assert "mass" not in [name for name, *_ in manufacture_rows(manufacturability(lens), 550.0)]
+
+
+def test_radii_where_light_goes_are_told_apart_from_those_of_the_rim(tmp_path):
+    _, lens, found = designed(tmp_path)
+    lit = {"rear": LitPart((4.0, 3.0), *radii_within(lens, "rear", (4.0, 3.0)))}
+    rows = {name: value for name, value, *_ in manufacture_rows(found, 550.0, lit=lit)}
+    assert rows["least concave radius of the rear where light meets it"] == lit["rear"].concave.value
+    assert rows["least concave radius of the rear"] <= lit["rear"].concave.value
+    assert "least concave radius of the front where light meets it" not in rows
+    data = as_data(found, lit)
+    assert data["front"]["lit_part"] is None
+    assert data["rear"]["lit_part"]["half_width_mm"] == [4.0, 3.0]
+    assert data["rear"]["lit_part"]["concave_radius_mm"]["value"] == lit["rear"].concave.value
 
 
 def test_a_plane_is_nowhere_concave(tmp_path):
