@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
-from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
+from optics.designing.optimisation import Stage, first_fit, first_quality, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.freedom_note import (
     freedom_note,
@@ -61,6 +61,8 @@ class Expectation:
         cuts it off, where rays spread in the lens, on a target that does not lie across the axis, of textures
         on a mesh that is coarse for their pixels, and where pictures of several lenses are displaced.
     start_rel_l2 : of the transport start, None where the source has extent.
+    base_rel_l2 : of the base surface, on merged pixels, None where the design does not start from the map.
+    gap : of primal and dual of the transport map.  doubt : what is wrong with a poor start, or "".
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
     """
@@ -85,6 +87,9 @@ class Expectation:
     from_transport: bool
     rel_l2: float | None
     start_rel_l2: float | None
+    base_rel_l2: float | None
+    gap: float
+    doubt: str
     seconds: float
     memory_mb: float
     sensitivity: Sensitivity
@@ -109,6 +114,9 @@ def expected(
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     mapped = first is not None and (start.traced is None or start.within(start.traced))
     from_transport = mapped and first is not None and start.follows(first)
+    quality = first_quality(system, backend, start) if from_transport else None
+    doubt = quality.sentence(start.gap) if quality and quality.poor else ""
+    from_transport = from_transport and not (quality and quality.useless)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
@@ -151,9 +159,12 @@ def expected(
         blur=_blur(system, lens, backend),
         from_transport=from_transport,
         rel_l2=predicted_rel_l2(start.lit, error)
-        if error and from_transport and start.within(fit) and fine and _is_known(system)
+        if error and from_transport and start.within(fit) and fine and _is_known(system) and not doubt
         else None,
         start_rel_l2=error,
+        base_rel_l2=quality.base if quality else None,
+        gap=start.gap,
+        doubt=doubt,
         seconds=seconds,
         memory_mb=memory,
         sensitivity=sensitivity(system.shaping, lens, backend),
