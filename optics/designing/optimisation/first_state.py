@@ -9,11 +9,14 @@ from optics.base.runtime import Backend, NumericalError
 from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State, first_sags
-from optics.designing.starts import TransportFit, TransportStart
+from optics.designing.starts import StartQuality, TransportFit, TransportStart, start_quality
 from optics.light.engines import Engine
 from optics.scene.system import OpticalSystem
 from thbcad.lens import Lens, require_sound
 from thbcad.surfaces import THBSurface
+
+INSTEAD = "; the design starts from the base surface instead"
+FAR_OFF = "; the design may end far from the target"
 
 
 def first_state(
@@ -49,8 +52,8 @@ def transport_start(
 ) -> TransportStart | None:
     """Return the start by optimal transport, or None where the run needs none.
 
-    It needs none where the problem asks for a flat start, where the map asks for too much sag, and where
-    the state to go on from has no level before it.
+    It needs none where the problem asks for a flat start, where the map asks for too much sag, where its
+    light is no better than that of the base surface, and where the state to go on from has no level before it.
     """
     if system.problem.optimizer.start == "flat":
         return None
@@ -60,18 +63,26 @@ def transport_start(
         if over or not state.started_from_transport:
             return None
     start = start or TransportStart(system, backend)
-    if start.traced is None or start.within(start.traced):
+    if start.traced is not None and not start.within(start.traced):
+        note(start.note(first_fit(system, start), start.finest_fit()) + INSTEAD)
+        return None
+    quality = first_quality(system, backend, start) if state is None else None
+    if quality is None or not quality.poor:
         return start
-    note(
-        start.note(first_fit(system, start), start.finest_fit())
-        + "; the design starts from the base surface instead"
-    )
-    return None
+    note(quality.sentence(start.gap) + (INSTEAD if quality.useless else FAR_OFF))
+    return None if quality.useless else start
 
 
 def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
     """Return the fit on the first mesh of a design, some of whose functions stay in all that follow."""
     return start.fit(first_sags(system, from_transport=True)[-1].space)
+
+
+def first_quality(system: OpticalSystem, backend: Backend, start: TransportStart) -> StartQuality | None:
+    """Return the quality of the first fit of a start; None where it is not known, and where z_freedom cuts
+    off so much that the run chooses otherwise."""
+    fit = first_fit(system, start)
+    return start_quality(system, backend, fit) if start.follows(fit) else None
 
 
 def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:

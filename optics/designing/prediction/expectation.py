@@ -11,7 +11,14 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
-from optics.designing.optimisation import LimitedShapes, Stage, first_fit, stages, transmitted_flux
+from optics.designing.optimisation import (
+    LimitedShapes,
+    Stage,
+    first_fit,
+    first_quality,
+    stages,
+    transmitted_flux,
+)
 from optics.designing.prediction.cost import seconds_and_memory
 from optics.designing.prediction.freedom_note import (
     freedom_note,
@@ -67,9 +74,11 @@ class Expectation:
     rel_l2 : predicted, None where nothing tells it: without the whole map, be it that the bound of the sag
         cuts it off, where rays spread in the lens, on a target that does not lie across the axis, of textures
         on a mesh that is coarse for their pixels, where pictures of several lenses are displaced, where stops
-        or bodies take part of the light or some passes by elements, and of a start that is FARTHEST times
-        worse.
+        or bodies take part of the light or some passes by elements, of a poor start, and of a start that is
+        FARTHEST times worse.
     start_rel_l2 : of the light of the transport start along the path, None where the source has extent.
+    base_rel_l2 : of the base surface, on merged pixels, None where the design does not start from the map.
+    gap : of primal and dual of the transport map.  doubt : what is wrong with a poor start, or "".
     past : the sentence on light that passes by elements on its way to the target, or "".
     seconds, memory_mb : of the design.
     refused : the sentence by which the start's body for a mould cannot be made, or "".
@@ -96,6 +105,9 @@ class Expectation:
     from_transport: bool
     rel_l2: float | None
     start_rel_l2: float | None
+    base_rel_l2: float | None
+    gap: float
+    doubt: str
     past: str
     seconds: float
     memory_mb: float
@@ -122,6 +134,9 @@ def expected(
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     mapped = first is not None and (start.traced is None or start.within(start.traced))
     from_transport = mapped and first is not None and start.follows(first)
+    quality = first_quality(system, backend, start) if from_transport else None
+    doubt = quality.sentence(start.gap) if quality and quality.poor else ""
+    from_transport = from_transport and not (quality and quality.useless)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
@@ -170,9 +185,12 @@ def expected(
         blur=_blur(system, lens, backend),
         from_transport=from_transport,
         rel_l2=_likely(predicted_rel_l2(start.lit, error), error)
-        if error and predictable and undisturbed and not costs
+        if error and predictable and undisturbed and not costs and not doubt
         else None,
         start_rel_l2=error,
+        base_rel_l2=quality.base if quality else None,
+        gap=start.gap,
+        doubt=doubt,
         past=past_sentences[0] if past_sentences else "",
         seconds=seconds,
         memory_mb=memory,

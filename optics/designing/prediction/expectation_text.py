@@ -95,6 +95,8 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     start = f"the {'start' if expected.from_transport else 'map'}{whose} has {expected.start_rel_l2:.2g}"
     if system.target.settings.kind == "zones":
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"
+    if expected.doubt:
+        return f"rel_l2: not predicted, since {expected.doubt}"
     if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.limit_costs:

@@ -5,6 +5,8 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from optics.designing.starts.cell_sums import summed_over_cells
     from optics.designing.starts.rear_light import RearLight
+    from optics.designing.starts.start_misfits import StartQuality, start_quality
+    from optics.designing.starts.traced_light import light_before
     from optics.designing.starts.transport_start import (
         INSIDE,
         STEEP,

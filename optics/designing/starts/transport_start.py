@@ -117,6 +117,16 @@ class TransportStart:
         self._light, self._slopes, self.bent = self._shaped.light, self._shaped.above, self._shaped.bent
         self._fits: dict[tuple[bytes, bytes, bytes], TransportFit] = {}
 
+    @property
+    def gap(self) -> float:
+        """Relative gap of primal and dual of the transport map, see `Transport.gap`."""
+        return self._shaped.transport.gap
+
+    @property
+    def steps(self) -> int:
+        """Steps that the transport map took."""
+        return self._shaped.transport.steps
+
     @cached_property
     def traced(self) -> TransportFit | None:
         """A fit that tells whether the sag is within its bounds; None where light is parallel before the

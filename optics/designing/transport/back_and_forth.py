@@ -47,7 +47,7 @@ STILL = 0.01
 # sigma times the greatest density, which bounds the curvature of J: first on the coarsest grid, where light
 # has far to go, first on the finer ones, and last, where the cells limit the gain and no longer the method
 FAR, NEAR, LAST = 32.0, 4.0, 0.8
-CHANGE = (0.25, 1.25)
+CHANGE = 0.5, 1.25  # of sigma from step to step, at least and at most
 DARK = -1e6  # potential of a cell without light: below all others, in the squared width of the rectangle
 ROUNDING = 1e-15  # of a gain, in the same unit
 # of five cells: the slope at each of the parabola that fits them; of three: the value of the line that does
@@ -72,11 +72,11 @@ class Transport:
     @cached_property
     def gap(self) -> float:
         """Relative gap of primal and dual: no plan on the finest grid costs less than 1 - gap times the one
-        that follows this map; 0 where nothing moves."""
+        that follows this map; 0 where that moves light by less than a cell."""
         dual = self.dual
         with dual.backend.on_threads(1):
             cost = plan_cost(dual.backend, self.psi, dual.f, dual.g, dual.spacing)
-        return 1 - dual.value(self.psi, self.phi) / cost if cost > ROUNDING else 0.0
+        return 1 - dual.value(self.psi, self.phi) / cost if cost > np.prod(dual.spacing) / 2 else 0.0
 
 
 def transport_map(
@@ -121,6 +121,11 @@ class DualProblem:
     g: Floats
     spacing: Sequence[float]
 
+    @property
+    def hidden(self) -> float:
+        """Mean of |x - y|^2 / 2 from the middle of a cell."""
+        return sum(h**2 for h in self.spacing) / 24
+
     def value(self, psi: Floats, phi: Floats) -> float:
         """Return J."""
         return float(np.mean(psi * self.f) + np.mean(phi * self.g))
@@ -154,14 +159,13 @@ class DualProblem:
         missing = g - push_forward(self.backend, psi, f, self.spacing)
         direction = solved_poisson(missing, self.spacing)
         before, slope = np.mean(phi * g) + np.mean(psi * f), np.mean(missing * direction)
-        hidden = sum(h**2 for h in self.spacing) / 24  # mean of |x - y|^2 / 2 from the middle of a cell
         while sigma >= least:
             tried = phi + sigma * direction
             changed = self._transformed(tried, g)
             gain, promised = np.mean(tried * g) + np.mean(changed * f) - before, sigma * slope
             # to the top of the parabola with this gain and this slope
             sigma *= np.clip(0.75 + 0.5 * gain / (promised + ROUNDING), *CHANGE)
-            if gain >= -promised - hidden:
+            if gain >= -promised - self.hidden:
                 return self._transformed(changed, f), changed, sigma
         return phi, psi, sigma
 
