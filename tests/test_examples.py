@@ -12,7 +12,7 @@ from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, module_at, slow_unless
 
 PROBLEMS = [str(path.relative_to(EXAMPLES)) for path in example_problems()]
-QUICK = {"curved_screen.toml", "dome.toml", "mirror.toml", "street.toml"}  # of four kinds, in `make test` too
+QUICK = {"dome.toml", "pearl.toml", "two_pictures.toml"}  # in `make test` too
 SMALL = {"optimizer.iterations": [2], "optimizer.finish": 0, "verify.rays": 33}
 LEVELS, PIXELS = 1, 24
 

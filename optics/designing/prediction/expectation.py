@@ -9,7 +9,7 @@ from math import prod, sqrt
 import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import Backend
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
 from optics.designing.optimisation import Stage, first_fit, stages, transmitted_flux
 from optics.designing.prediction.cost import seconds_and_memory
@@ -62,7 +62,6 @@ class Expectation:
         on a mesh that is coarse for their pixels, and where pictures of several lenses are displaced.
     start_rel_l2 : of the transport start, None where the source has extent.
     seconds, memory_mb : of the design.
-    refused : the sentence by which the start's body for a mould cannot be made, or "".
     """
 
     size: tuple[float, float, float]
@@ -89,7 +88,6 @@ class Expectation:
     memory_mb: float
     sensitivity: Sensitivity
     concentration: Concentration
-    refused: str
 
 
 def expected(
@@ -99,7 +97,8 @@ def expected(
 
     start : of the system, where it is known already.
 
-    Raises UserError : the design would take too much memory, (almost) nothing passes the lens.
+    Raises UserError : the design would take too much memory, (almost) nothing passes the lens, the lens that
+        it starts from cannot be made as the body that the problem describes.
     """
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
@@ -109,6 +108,7 @@ def expected(
     first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
     mapped = first is not None and (start.traced is None or start.within(start.traced))
     from_transport = mapped and first is not None and start.follows(first)
+    system.made(lens if from_transport else system.lens)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
@@ -158,18 +158,7 @@ def expected(
         memory_mb=memory,
         sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
-        refused=_refusal(system, lens),
     ), plan
-
-
-def _refusal(system: OpticalSystem, lens: Lens) -> str:
-    """Return the sentence by which body or plate of a lens are refused, or ""."""
-    try:
-        system.made(lens)
-        system.solid(lens)
-    except UserError as error:
-        return str(error)
-    return ""
 
 
 def predicted_rel_l2(target: Floats, start_error: float) -> float:

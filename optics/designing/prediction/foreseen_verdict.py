@@ -54,8 +54,6 @@ def foreseen_misses(
             f"design, and verify.lit_efficiency asks for {limits.lit_efficiency:.0%} on the lit region"
             f"{_aside(system)}"
         )
-    if expected.refused:
-        sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")
     return sentences
 
 
