@@ -4,22 +4,19 @@ edges."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from thbcad.certified import minimum, value_range
 from thbcad.lens import require_sound, segment
+from thbcad.moulds.body_shape import BodyShape
 from thbcad.moulds.body_walls import least_support
 from thbcad.moulds.inserts import FACES
 from thbcad.outlines import LEAST_SIZE
 from thbcad.sags import gap_graph
 
-if TYPE_CHECKING:
-    from thbcad.moulds.moulded_body import MouldedBody
-
 SMALLER = (0.9, 0.75, 0.5, 0.35, 0.2, 0.1)  # of edge_radius, tried where it does not fit
 
 
-def require_parting(body: MouldedBody) -> None:
+def require_parting(body: BodyShape) -> None:
     """Raise ValueError where the parting line is not proven to lie between both ends of the walls."""
     for k, word in enumerate(FACES):
         side = 2 * k - 1
@@ -40,7 +37,7 @@ def require_parting(body: MouldedBody) -> None:
             )
 
 
-def require_glass(body: MouldedBody) -> None:
+def require_glass(body: BodyShape) -> None:
     """Raise ValueError where the surfaces, or the land and the larger one, are not proven apart."""
     lens, small = body.lens, body.small
     if body.inner is None or small is None:
@@ -77,7 +74,7 @@ def require_glass(body: MouldedBody) -> None:
         )
 
 
-def require_radius(body: MouldedBody) -> None:
+def require_radius(body: BodyShape) -> None:
     """Raise ValueError where a rounded edge does not fit between its rim and the next edge."""
     if body.outline.is_rectangle:
         raise ValueError(
@@ -98,7 +95,7 @@ def require_radius(body: MouldedBody) -> None:
     )
 
 
-def _unfit(body: MouldedBody) -> str:
+def _unfit(body: BodyShape) -> str:
     """Return why edges cannot be rounded, "" where they can."""
     for k in body.rounded:
         try:

@@ -119,14 +119,19 @@ def shape_lens(
     state : to go on from, or None.  start : of the system, where it is known already.
 
     Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite, or a level starts from a
-        crossing.
+        crossing.  UserError : the start has no body for a mould as the problem describes it.
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
     listener = listener or Listener()
     flux = transmitted_flux(system, backend)
     axes = symmetry_axes(system)
     start = transport_start(system, backend, state, listener.note, start)
-    state, fit = (state, None) if state else first_state(system, start, flux, engine)
+    if state is None:
+        state, fit = first_state(system, start, flux, engine)
+        shaped, lens = with_sags(system, state.sags)
+        shaped.made(lens)  # a body for a mould that its start cannot have is refused before the work
+    else:
+        fit = None
     run = _Run(
         system,
         backend,

@@ -9,7 +9,7 @@ from math import prod, sqrt
 import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
-from optics.base.runtime import Backend, UserError
+from optics.base.runtime import Backend
 from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tells, usual_efficiency
 from optics.designing.optimisation import (
     LimitedShapes,
@@ -81,7 +81,6 @@ class Expectation:
     gap : of primal and dual of the transport map.  doubt : what is wrong with a poor start, or "".
     past : the sentence on light that passes by elements on its way to the target, or "".
     seconds, memory_mb : of the design.
-    refused : the sentence by which the start's body for a mould cannot be made, or "".
     limit_costs : what limits of manufacture cost the light of the start, the greatest cost first.
     """
 
@@ -113,7 +112,6 @@ class Expectation:
     memory_mb: float
     sensitivity: Sensitivity
     concentration: Concentration
-    refused: str
     limit_costs: tuple[LimitCost, ...]
 
 
@@ -124,7 +122,8 @@ def expected(
 
     start : of the system, where it is known already.
 
-    Raises UserError : the design would take too much memory, (almost) nothing passes the lens.
+    Raises UserError : the design would take too much memory, (almost) nothing passes the lens, the lens that
+        it starts from cannot be made as the body that the problem describes.
     """
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
     transmitted_flux(system, backend)
@@ -137,6 +136,7 @@ def expected(
     quality = first_quality(system, backend, start) if from_transport else None
     doubt = quality.sentence(start.gap) if quality and quality.poor else ""
     from_transport = from_transport and not (quality and quality.useless)
+    system.made(lens if from_transport else system.lens)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
@@ -196,7 +196,6 @@ def expected(
         memory_mb=memory,
         sensitivity=sensitivity(system.shaping, lens, backend),
         concentration=greatest_concentration(system, lens, backend),
-        refused=_refusal(system, lens),
         limit_costs=costs,
     ), plan
 
@@ -218,16 +217,6 @@ def _limit_costs(
         return error
 
     return tuple(LimitedShapes(shaped, lens, start.rear_slopes()[0]).costs(sags, misfit))
-
-
-def _refusal(system: OpticalSystem, lens: Lens) -> str:
-    """Return the sentence by which body or plate of a lens are refused, or ""."""
-    try:
-        system.made(lens)
-        system.solid(lens)
-    except UserError as error:
-        return str(error)
-    return ""
 
 
 def predicted_rel_l2(target: Floats, start_error: float) -> float:

@@ -62,8 +62,6 @@ def foreseen_misses(
             f"which the start of the design knows nothing; its rel_l2 is {expected.start_rel_l2:.2g}"
         )
     sentences += [f"{MAY}: {cost.sentence}" for cost in expected.limit_costs]
-    if expected.refused:
-        sentences.append(f"the body of this design may fail as that of its start does: {expected.refused}")
     return sentences
 
 

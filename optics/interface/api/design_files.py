@@ -45,6 +45,7 @@ from optics.scene.problem import Problem
 from optics.scene.system import (
     MadePart,
     OpticalSystem,
+    body_checks,
     designed_part,
     manufactured,
     other_limit_checks,
@@ -271,5 +272,6 @@ def _checks(design: DesignRecord, product: Manufacturability, export: _Exports) 
         *light,
         *delivery_checks(design.measurement.metrics, problem.verify),
         *limit_checks(problem, product),
+        *body_checks(design.asked, problem),
         *other_limit_checks(system),
     ]

@@ -72,6 +72,9 @@ class Design(DesignRecord):
     ) -> Design:
         """Return the design that a run has come to."""
         system, lens = system.with_sags(system.lens, state.sags)
+        system, unfit = system.as_possible(lens)
+        if unfit:
+            notes(unfit)
         return cls(
             asked=asked,
             system=system,

@@ -107,7 +107,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
         "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.flux)),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
-        "volume_mm3": system.made(system.lens).volume(),
+        "volume_mm3": system.as_possible(system.lens)[0].made(system.lens).volume(),
         "skips": [asdict(skip) for skip in system.skips],
         "levels": [
             {

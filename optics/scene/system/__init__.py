@@ -6,7 +6,7 @@ if TYPE_CHECKING:
     from optics.scene.system.elements import TURNED, freeforms, lens_product, pose_of
     from optics.scene.system.geometry_search import nearest_geometry
     from optics.scene.system.lens_material import index_at, indexing_material
-    from optics.scene.system.made_bodies import body_options
+    from optics.scene.system.made_bodies import body_checks, body_options
     from optics.scene.system.made_parts import (
         MadePart,
         designed_part,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from optics.base.runtime import UserError
+from optics.base.runtime import Check, UserError
 from optics.scene.paths import Body
-from optics.scene.problem import FaceMet, Optic
+from optics.scene.problem import FaceMet, Optic, Problem
 from optics.scene.receivers import Plane
 from optics.scene.system.elements import clear_aperture_of, pose_of
 from optics.scene.system.target import LightTarget
@@ -52,6 +53,33 @@ def made_of(optic: Optic, lens: Lens) -> Solid:
     """Return what an element's lens is made as: itself, or a body as `moulded`, which also raises."""
     body = body_options(optic)
     return lens if body is None else moulded(lens, body, clear_aperture_of(optic, lens))
+
+
+def possible(problem: Problem, lens: Lens) -> tuple[Problem, str]:
+    """Return a problem with the body that a lens can have, and why it is not the whole body asked for, ""
+    where it is: without rounded edges, else the lens with its own walls."""
+    optic = problem.optic
+    try:
+        made_of(optic, lens)
+        return problem, ""
+    except UserError as error:
+        unfit = str(error)
+    if optic.body is not None and optic.body.edge_radius:
+        sharp = problem.with_optic(body=replace(optic.body, edge_radius=0.0))
+        if not possible(sharp, lens)[1]:
+            return sharp, f"{unfit}; the solid has sharp edges"
+    return problem.with_optic(body=None), f"{unfit}; the solid is the lens with its own walls"
+
+
+def body_checks(asked: Problem, made: Problem) -> list[Check]:
+    """Return the checks that a solid has the body that a problem asks for.  made : the problem as it was
+    made."""
+    wanted, own = asked.optic.body, made.optic.body
+    if wanted is not None and own is None:
+        return [Check.none_of("bodies for a mould that the lens cannot have, as the notes say", 1)]
+    if wanted is None or own is None or not wanted.edge_radius:
+        return []
+    return [Check("edge_radius of the body", own.edge_radius, wanted.edge_radius, "mm", at_least=True)]
 
 
 def whole_of(optic: Optic, lens: Lens) -> Made:

@@ -20,7 +20,7 @@ from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
 from optics.scene.system.elements import base_lens, surface_of
 from optics.scene.system.lens_material import Wavelength, wavelengths_of, with_material
-from optics.scene.system.made_bodies import bodies_of, made_of, whole_of
+from optics.scene.system.made_bodies import bodies_of, made_of, possible, whole_of
 from optics.scene.system.prescribed import Prescribed
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
@@ -211,6 +211,12 @@ class OpticalSystem(Prescribed):
     def solid(self, lens: Lens) -> Solid:
         """Return what one lens is made as: itself, or a body as `moulded`, which also raises."""
         return made_of(self.problem.optic, lens)
+
+    def as_possible(self, lens: Lens) -> tuple[OpticalSystem, str]:
+        """Return the system with the body that a lens can have, and why it has not the whole one, as
+        `possible`."""
+        problem, unfit = possible(self.problem, lens)
+        return replace(self, problem=problem) if unfit else self, unfit
 
     def made(self, lens: Lens) -> Made:
         """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""

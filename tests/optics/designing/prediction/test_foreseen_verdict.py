@@ -123,35 +123,3 @@ def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
 def test_a_problem_that_suits_its_limits_gets_no_warning(backend):
     system = example_system("tophat_square")
     assert foreseen(system, backend) == []
-
-
-BODY = {
-    "lens.outline": "round",
-    "lens.body.draft": 3.0,
-    "lens.rear.freeform.max_level": 1,
-    "source.profile": "round",
-    "source.half_width": [7.0, 7.0],
-    "target.half_width": [10.0, 10.0],
-    "target.pixels": [24, 24],
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"lens.body.parting": 9.0}, "the parting line at z = 9 mm must lie below the rear's rim"),
-        ({"lens.body.edge_radius": 4.5}, "edge_radius = 4.5 mm is too large: on the wall"),
-    ],
-    ids=["parting", "roundings"],
-)
-def test_a_body_that_fails_is_foretold(backend, tmp_path, keys, words):
-    system = small_system(tmp_path, BODY | keys)
-    (said,) = (line for line in foreseen(system, backend) if "body" in line)
-    assert said.startswith("the body of this design may fail as that of its start does: ")
-    assert words in said
-
-
-@pytest.mark.slow
-def test_nothing_is_foretold_of_a_body_whose_start_has_it(backend, tmp_path):
-    assert not any("body" in line for line in foreseen(small_system(tmp_path, BODY), backend))
