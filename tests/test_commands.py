@@ -17,7 +17,7 @@ from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, ROOT, shared_folder
 from tests.optics.cases import write_problem
 from tests.page_commands import INSTALLED, PAGES, Terminal, commands_of, read_by_others
-from tests.page_files import SMALL, make_folders, prepare
+from tests.page_files import GIVEN, SMALL, make_folders, prepare
 
 COMMANDS = {path.relative_to(ROOT).as_posix(): commands_of(path) for path in PAGES}
 COMMANDS = {page: commands for page, commands in COMMANDS.items() if commands}
@@ -52,11 +52,12 @@ SLOW = (  # patterns of commands that only slow tests run
     r"thbcad design my\.toml --set lens\.front.*",
     r"thbcad asbuilt .*--errors.*",
 )
+MISSES = {0, 1}  # exit codes of small problems and designs: their light may miss its limits
 ENDS = {  # exit codes that are not 0
     r"thbcad check examples/pearl\.toml --set target\.(distnace=400|distance=30)": {2},
     r"thbcad verify exports/broken": {4},
     r"cmp exports/first/lens\.step exports/broken/lens\.step": {1},
-    r"thbcad (design|sweep|relight|tolerance|asbuilt|tool) .*": {0, 1},  # what is small may miss its limits
+    r"thbcad design examples/my\.toml --set target\.image=.*": MISSES,  # as its page says of dark pictures
 }
 SAYS = {  # what a page says of a command: texts that stand on the page, and in what is printed
     "thbcad design examples/tophat_square.toml --out exports/first": (
@@ -138,7 +139,7 @@ def results(tmp_path_factory):
         even = SMALL | {"target.kind": "tophat"}
         write_problem(folder, even, name="tophat_square.toml", drop=("target.image",))
         for name in ("pearl", "tophat_square"):
-            assert main(["design", str(folder / f"{name}.toml"), "--out", str(folder / name)]) in (0, 1)
+            assert main(["design", str(folder / f"{name}.toml"), "--out", str(folder / name)]) in MISSES
 
     return shared_folder(tmp_path_factory, "results_of_pages", make)
 
@@ -159,8 +160,10 @@ def run_page(page, terminal, slow):
         smaller += [QUICKER[pattern] for pattern in matches(QUICKER, words) if not slow]
         code, text = terminal.run(" ".join([words, *smaller]))
         plain = words.replace(INSTALLED, "")
-        wanted = [ends for pattern, ends in ENDS.items() if re.fullmatch(pattern, plain)]
-        assert code in (wanted[0] if wanted else {0}), f"{words}: {code}\n{text}"
+        wanted = MISSES if smaller or page in GIVEN else {0}
+        for pattern in matches(ENDS, plain):
+            wanted = ENDS[pattern]
+        assert code in wanted, f"{words}: {code}\n{text}"
         if words == "echo $?":
             assert text == command.comment
         if command.comment == "silent":
@@ -228,7 +231,7 @@ def test_the_commands_of_a_lens_of_the_gallery_run(words, tmp_path, capsys, monk
     pixels = [min(n, 32) for n in load_problem(path).target.pixels]
     few = f"--set target.pixels={json.dumps(pixels, separators=(',', ':'))} {FEW_STEPS}"
     code, text = terminal.run(f"{words} {few}")
-    assert code in (0, 1), text
+    assert code in MISSES, text
     for command in COMMANDS[GALLERY]:
         if command.words.startswith(f"thbcad export {out} "):
             code, text = terminal.run(command.words)
