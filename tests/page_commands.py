@@ -58,10 +58,10 @@ class Terminal:
         for path in EXAMPLES.iterdir():
             (folder / "examples" / path.name).symlink_to(path)
         (folder / "bin").mkdir()
-        program = folder / "bin" / "thbcad"
-        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m optics "$@"\n')
-        program.chmod(0o755)
-        (folder / "bin" / "python").symlink_to(sys.executable)
+        for name, module in (("thbcad", "-m optics"), ("python", "")):
+            program = folder / "bin" / name
+            program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {module} "$@"\n')
+            program.chmod(0o755)
         self.environment = os.environ | {
             "HOME": str(folder),
             "PYTHONPATH": str(ROOT),

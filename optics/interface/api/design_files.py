@@ -94,8 +94,7 @@ class _Exports:
             return place(file).absolute()  # a helper that is used again may have begun in another folder
 
         self.own, *self._fixed = (
-            _Export(solids, part, system.problem, at(file), traced.get(file))
-            for file, part in parts.items()
+            _Export(solids, part, system.problem, at(file), traced.get(file)) for file, part in parts.items()
         )
         self._scene = None
         if self._fixed:
