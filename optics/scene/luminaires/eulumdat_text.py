@@ -21,6 +21,7 @@ from thbcad.checks import Floats
 SYMMETRY, PLANES, GAMMAS, OPENING, CONVERSION, LAMP_SETS, LAMPS = 2, 3, 5, 15, 23, 25, 26
 LINES_OF_LAMPS = 6  # number, name, lumens, colour, colour rendering, watts
 RATIOS = 10  # direct ratios for indoor rooms, behind the lamps
+FIRST_LINES = 10_000  # letters that surely hold the lines up to the number of angles gamma
 DECIMALS = 5  # of cd/klm: a lamp of 1 cd/klm everywhere has 12.6 lm per klm
 COUNTS = {
     SYMMETRY: ("symmetry", 0, 4),
@@ -38,7 +39,7 @@ def luminaire_of_ldt(text: str) -> Luminaire:
 
     Raises UserError : a text that contradicts itself.
     """
-    lines = [line.strip().replace(",", ".") for line in text.splitlines()]  # decimal commas too
+    lines = _lines(text)
     whole = {
         at: FileNumbers(lines[at : at + 1]).whole(f"{what} (line {at + 1})", low, high)
         for at, (what, low, high) in COUNTS.items()
@@ -52,9 +53,8 @@ def luminaire_of_ldt(text: str) -> Luminaire:
         raise UserError(
             f"its lumens and its conversion factor must be greater than 0, got {lumens:g} and {factor:g}"
         )
-    rest = lines[LAMPS + LINES_OF_LAMPS * whole[LAMP_SETS] :]
-    data = FileNumbers([word for line in rest for word in line.split()])
-    data.row(RATIOS, "direct ratios")
+    ratios = LAMPS + LINES_OF_LAMPS * whole[LAMP_SETS]  # not used, and empty in some files
+    data = FileNumbers([word for line in lines[ratios + RATIOS :] for word in line.split()])
     c, gamma = data.row(planes, "planes C"), data.row(gammas, "angles gamma")
     held = _held_planes(symmetry, c)
     candela = data.row(len(held) * gammas, "intensities").reshape(len(held), gammas)
@@ -67,6 +67,20 @@ def luminaire_of_ldt(text: str) -> Luminaire:
     round_ = width == 0 and length > 0
     opening = Opening((length if round_ else abs(width), abs(length)), round_)
     return Luminaire(turn, gamma, candela * factor * lumens / 1000, opening, lumens)
+
+
+def begins_as_ldt(text: str) -> bool:
+    """Return whether a text has the counts of an EULUMDAT file in their lines; names may be any.
+
+    No line of an IES file before its line TILT= is a whole number alone.
+    """
+    lines = _lines(text[:FIRST_LINES])
+    return all(lines[at].isdecimal() if at < len(lines) else False for at in (SYMMETRY, PLANES, GAMMAS))
+
+
+def _lines(text: str) -> list[str]:
+    """Return the lines of a text, each with one number at most, with decimal points."""
+    return [line.strip().replace(",", ".") for line in text.split("\n")]
 
 
 def _held_planes(symmetry: int, c: Floats) -> Floats:

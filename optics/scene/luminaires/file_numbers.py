@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, nan
 
 import numpy as np
 
 from optics.base.runtime import UserError
 from thbcad.checks import Floats
+from thbcad.texts import number
 
+NO_NUMBERS = ("nan", "inf", "infinity")
 MOST_ANGLES = 100_000  # of one kind: every hundredth of a degree would be 36 001
 
 
@@ -58,7 +60,7 @@ class FileNumbers:
 def parsed(word: str, what: str) -> float:
     """Return the finite number that a word is; UserError says what was wanted."""
     try:
-        value = float(word)
+        value = nan if word.lower().lstrip("+-") in NO_NUMBERS else number(word)
     except ValueError:
         raise UserError(f"its {what} must be numbers, got {word[:20]!r}") from None
     if not isfinite(value):

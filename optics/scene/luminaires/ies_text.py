@@ -16,13 +16,18 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires.file_numbers import MOST_ANGLES, FileNumbers
+from optics.scene.luminaires.goniometer_types import TYPE_C, as_type_c
 from optics.scene.luminaires.intensity_record import Luminaire, Opening
 from optics.scene.luminaires.plane_symmetry import full_turn
 from thbcad.doors import loaded
 
 TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
-LATER = re.compile(r"LM-63-(2002|2019)")  # they have something else in the place of the ballast-lamp factor
+YEAR = re.compile(r"IES(?:NA)?:? *(?:LM-63-?)?(\d{4}|\d\d)\b")
+FIRST_YEAR = 1986  # of the standard
+LATER = 2002  # from then on something else is in the place of the ballast-lamp factor
 COMMA = re.compile(r"[\d.+-]+,\d+")
+DECIMAL_COMMA = re.compile(r"(?<![\d.,])0,\d|\d,(?!\d{3}(?!\d))\d")  # such a comma marks no thousands
+SIDES = ("width", "length", "height")
 FEET, METRES = 304.8, 1000.0  # mm
 DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
 # decimal exponent of the greatest number written: rounding changes the flux by at most 2 pi 1e-12 of the
@@ -34,37 +39,43 @@ def luminaire_of_ies(text: str) -> Luminaire:
     """Return the luminaire of a LM-63 text, of 1986, 1991, 1995, 2002 or 2019.
 
     Candelas count with the multiplier and the ballast factors, for a luminaire that is not tilted.
-    C = 0 lies along the luminaire's length.
+    C = 0 lies along the luminaire's length.  Photometry of types A and B is converted to type C.
 
-    Raises UserError : a text that contradicts itself, decimal commas, photometry of type A or B, factors of
-        tilt in another file.
+    Raises UserError : a text that contradicts itself, commas that may be marks of thousands, factors of tilt
+        in another file.
     """
-    tilt = TILT.search(text)
-    assert tilt is not None
-    numbers = text[tilt.end() :]
-    later = LATER.search(text[: tilt.start()].split("\n", 1)[0]) is not None
+    *_, tilt = TILT.finditer(text)  # numbers alone follow it
+    first, _, _ = text.partition("\n")
+    year, numbers = _year(first), text[tilt.end() :]
     try:
-        return _read(tilt[1], later, numbers.replace(",", " "))
-    except UserError:
-        comma = COMMA.search(numbers)
-        if comma is None or not _is_read(tilt[1], later, numbers.replace(",", ".")):
+        return _read(tilt[1], year, numbers.replace(",", " "))
+    except UserError as error:
+        if "," not in numbers:
             raise
-    raise UserError(
-        f"its numbers have decimal commas or marks of thousands, such as {comma[0]!r}; a comma separates "
-        "numbers in LM-63: write decimal points, and thousands without a mark"
-    )
+        try:
+            luminaire = _read(tilt[1], year, numbers.replace(",", "."))
+        except UserError:
+            raise error from None
+    if "." in numbers or DECIMAL_COMMA.search(numbers) is None:
+        comma = COMMA.search(numbers) or ","
+        raise UserError(
+            f"its numbers have decimal commas or marks of thousands, such as {comma[0]!r}; a comma separates "
+            "numbers in LM-63: write decimal points, and thousands without a mark"
+        )
+    return luminaire
 
 
-def _is_read(tilt: str, later: bool, numbers: str) -> bool:
-    try:
-        _read(tilt, later, numbers)
-    except UserError:
-        return False
-    return True
+def _year(first: str) -> int:
+    """Return the year of the standard that the first line of a file names; that of 1986 has no such line."""
+    found = YEAR.match(first.strip().upper())
+    if not found:
+        return FIRST_YEAR
+    year = int(found[1])
+    return year if year >= FIRST_YEAR else year + (1900 if year >= FIRST_YEAR % 100 else 2000)
 
 
-def _read(tilt: str, later: bool, text: str) -> Luminaire:
-    """Return the luminaire of the numbers behind what TILT= says.  later : than 1995."""
+def _read(tilt: str, year: int, text: str) -> Luminaire:
+    """Return the luminaire of the numbers behind what TILT= says.  year : of the standard."""
     numbers = FileNumbers(text.split())
     upright = _factor_upright(tilt, numbers)
     lamps = numbers.number("number of lamps")
@@ -73,30 +84,42 @@ def _read(tilt: str, later: bool, text: str) -> Luminaire:
     verticals = numbers.whole("number of vertical angles", 2, MOST_ANGLES)
     horizontals = numbers.whole("number of horizontal angles", 1, MOST_ANGLES)
     kind = numbers.whole("photometric type", 1, 3)
-    if kind != 1:
-        raise UserError(
-            f"its photometry is of type {'CBA'[kind - 1]}, and only type C is read; convert it to type C"
-        )
     unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
-    width, length, _ = (unit * numbers.number(f"luminous {side}") for side in ("width", "length", "height"))
+    width, length, height = (unit * numbers.number(f"luminous {side}") for side in SIDES)
     factor *= _positive(numbers, "ballast factor")
-    if later:
+    if year >= LATER:
         numbers.number("file generation type")
     else:
         factor *= _positive(numbers, "ballast-lamp factor")
     numbers.number("input watts")
-    gammas = numbers.row(verticals, "vertical angles")
-    planes = numbers.row(horizontals, "horizontal angles")
+    vertical = numbers.row(verticals, "vertical angles")
+    horizontal = numbers.row(horizontals, "horizontal angles")
     candela = numbers.row(verticals * horizontals, "candela values").reshape(horizontals, verticals)
     numbers.require_end()
-    planes, candela = full_turn(planes, candela)
+    if kind == TYPE_C:
+        planes, candela = full_turn(horizontal, candela)
+        gammas = vertical
+    else:
+        planes, gammas, candela = as_type_c(kind, vertical, horizontal, candela)
     lumens = None if each < 0 else lamps * each
-    # negative sizes are round; a width alone is a diameter
-    if width < 0 and length == 0:
-        length = width
-    return Luminaire(
-        planes, gammas, factor * candela, Opening((abs(length), abs(width)), width < 0 and length < 0), lumens
-    )
+    return Luminaire(planes, gammas, factor * candela, _opening(year, width, length, height), lumens)
+
+
+def _opening(year: int, width: float, length: float, height: float) -> Opening:
+    """Return what is seen along gamma = 0 of a luminous opening, whose signs say its shape.
+
+    A negative width or length is that of something round; where the other one is 0 it is a circle.  A
+    negative height turns a cylinder over: it lies, and is seen as a rectangle.  Until 1995 the diameter of
+    such a cylinder is its height; from 2002 on its length alone is positive.
+    """
+    size, round_ = (abs(length), abs(width)), width < 0 or length < 0
+    if height < 0 and year < LATER and not round_:
+        size = (abs(length) or abs(height), abs(width) or abs(height))
+    elif height < 0 and year >= LATER and length != 0 and not (width < 0 and length < 0):
+        round_ = False
+    elif round_ and 0 in size:
+        size = (max(size), max(size))
+    return Opening(size, round_)
 
 
 def writing_package() -> ModuleType:
@@ -129,7 +152,9 @@ def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
         length=length / METRES,
     )
     file.header = file.header.update(multiplier=f"{scale:.{digits}f}")
-    return bytes(file.write(precision=DECIMALS))
+    return (
+        bytes(file.write(precision=DECIMALS)).replace(b"\r\n", b"\n").replace(b"\n", b"\r\n")
+    )  # as LM-63 has it
 
 
 def _factor_upright(tilt: str, numbers: FileNumbers) -> float:

@@ -1,4 +1,4 @@
-"""Luminaire files of both formats: known by their text when they are read, by their suffix when written."""
+"""Luminaire files of both formats: the structure of a text tells which it is, the suffix which to write."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import UserError, read_at_most
-from optics.scene.luminaires.eulumdat_text import ldt_bytes, luminaire_of_ldt
+from optics.scene.luminaires.eulumdat_text import begins_as_ldt, ldt_bytes, luminaire_of_ldt
 from optics.scene.luminaires.ies_text import TILT, ies_bytes, luminaire_of_ies, writing_package
 from optics.scene.luminaires.intensity_record import Luminaire
 from thbcad.io import write_bytes
+from thbcad.texts import LATIN, text_of
 
 MOST_BYTES = 20_000_000  # a grid of half a degree over the full sphere takes 2 MB
 TITLE = "luminaire"
@@ -26,18 +27,20 @@ def read_luminaire(path: str | Path) -> Luminaire:
     """
     path = Path(path)
     data = read_at_most(path, MOST_BYTES)
-    if not data.strip() or b"\0" in data:
-        what = "no text" if data.strip() else "empty"
-        raise UserError(f"{path} is {what}; give an IES or EULUMDAT file")
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # what both formats were made for
+        text = text_of(data, LATIN)
+    except ValueError as error:
+        raise UserError(f"{path} is no text: {error}; give an IES or EULUMDAT file") from None
+    if not text.strip():
+        raise UserError(f"{path} is empty; give an IES or EULUMDAT file")
+    has_tilt, ies = TILT.search(text) is not None, not begins_as_ldt(text)
     try:
         with np.errstate(over="ignore"):  # what is infinite then is refused
-            return luminaire_of_ies(text) if TILT.search(text) else luminaire_of_ldt(text)
+            return luminaire_of_ies(text) if has_tilt and ies else luminaire_of_ldt(text)
     except UserError as error:
-        kind = "IES LM-63" if TILT.search(text) else "EULUMDAT (it has no line TILT= of IES)"
+        kind = (
+            "EULUMDAT" if not ies else "IES LM-63" if has_tilt else "EULUMDAT (it has no line TILT= of IES)"
+        )
         raise UserError(f"{path}, read as {kind}: {error}") from None
 
 

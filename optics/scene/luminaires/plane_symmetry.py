@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.luminaires.intensity_record import FULL_TURN, require_ascending
+from optics.scene.luminaires.intensity_record import FULL_TURN, SAME, require_ascending
 from thbcad.checks import Floats
 
 MEASURED = 0.01  # of the peak: what two measurements of one plane may differ by
@@ -14,12 +14,12 @@ MEASURED = 0.01  # of the peak: what two measurements of one plane may differ by
 def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Return planes from 0 to 360 degrees with their candelas, (k,) and (k, m).
 
-    First and last plane say what the light is symmetric about: 0 alone the axis, 0 to 90 the planes 0 and 90,
-    0 to 180 the plane 0, 90 to 270 the plane 90.  Without symmetry 360 may be left out.
+    First and last plane say what the light is symmetric about: one alone the axis, 0 to 90 the planes 0 and
+    90, 0 to 180 the plane 0, 90 to 270 the plane 90.  Without symmetry 360 may be left out.
 
     Raises UserError : planes that do not ascend, have other ends, or contradict each other.
     """
-    if len(planes) == 1 and planes[0] == 0:
+    if len(planes) == 1:
         return np.array([0.0, FULL_TURN]), np.repeat(candela, 2, axis=0)
     require_ascending("planes C", planes)
     first, last = planes[0], planes[-1]
@@ -29,7 +29,7 @@ def full_turn(planes: Floats, candela: Floats) -> tuple[Floats, Floats]:
         return _mirrored(planes, candela)
     if (first, last) == (90, 270):
         return _from_zero(*_mirrored(planes, candela))
-    if first == 0 and 270 < last <= FULL_TURN:
+    if first == 0 and 180 < last <= FULL_TURN <= last + np.diff(planes).max() * (1 + SAME):
         return closed(planes, candela)
     raise UserError(
         f"its planes C run from {first:g} to {last:g} degrees; they must run from 0 to 0, 90, 180 or 360, "

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
+from optics.scene.ray_files.ray_set import UNIT_LENGTH
 
 Single = NDArray[np.float32]
 
@@ -46,11 +47,27 @@ def rows(data: memoryview, start: int, count: int, columns: int) -> Single:
     return np.frombuffer(data[start:stop], "<f4").reshape(count, columns).astype(np.float32, copy=False)
 
 
-def require_rows(path: Path, held: int, start: int, count: int, columns: int) -> None:
-    """Raise UserError unless a file of `held` bytes has room for the rays that its header promises."""
-    needed = start + 4 * count * columns
-    if needed > held:
+def require_rows(path: Path, data: memoryview, start: int, count: int, columns: int) -> None:
+    """Raise UserError unless a file holds the rays that its header promises, no fewer and no more.
+
+    What follows them may be anything but a ray: programs add a trailer.
+    """
+    stop = start + 4 * count * columns
+    if stop > len(data):
         raise UserError(
             f"{path} is too short for what its header says: {count} rays of {4 * columns} bytes behind"
-            f" {start} bytes need {needed} bytes, it has {held}; it may be truncated"
+            f" {start} bytes need {stop} bytes, it has {len(data)}; it may be truncated"
         )
+    more = (len(data) - stop) // (4 * columns)
+    if more and are_rays(rows(data, stop, 1, columns)):
+        raise UserError(
+            f"{path} is too long for what its header says: {count} rays, and {more} more behind them; "
+            "mend the count in its header"
+        )
+
+
+def are_rays(table: Single) -> bool:
+    """Return whether rows of numbers, which begin with position and direction, have unit directions."""
+    with np.errstate(all="ignore"):  # what is no direction may be any number
+        length = np.linalg.norm(table[:, 3:6].astype(np.float64), axis=1)
+    return bool((np.abs(length - 1) <= UNIT_LENGTH).all())

@@ -1,4 +1,4 @@
-"""Ray files of all formats: known by their first bytes when they are read, by their suffix when written."""
+"""Ray files of all formats: binary ones are known by their first bytes, and written by their suffix."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from optics.base.runtime import UserError, require_regular_file
 from optics.scene.ray_files.lighttools_rays import lighttools_bytes, read_lighttools
 from optics.scene.ray_files.ray_set import RaySet
+from optics.scene.ray_files.text_rays import read_text_rays
 from optics.scene.ray_files.tm25_rays import read_tm25, tm25_bytes
 from optics.scene.ray_files.zemax_rays import VERSION, read_zemax, zemax_bytes
 from thbcad.io import write_bytes
@@ -26,7 +27,7 @@ WRITERS: dict[str, Callable[[RaySet], bytes]] = {  # by the suffix
 
 
 def read_rays(path: str | Path) -> RaySet:
-    """Return the rays of a TM-25, Zemax or LightTools file (binary); its suffix may be any.
+    """Return the rays of a TM-25, Zemax or LightTools file (binary) or of a text; its suffix may be any.
 
     The file is mapped, not read: what its header promises is compared with its length before memory is taken.
 
@@ -41,17 +42,15 @@ def read_rays(path: str | Path) -> RaySet:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from None
     except ValueError:  # mmap takes no empty file
         raise UserError(f"{path} is empty; give a ray file") from None
-    reader = READERS.get(bytes(data[:4]))
-    if reader is None:
-        raise UserError(
-            f"{path} is no binary ray file of TM-25, LightTools or Zemax: it begins with {bytes(data[:4])!r}"
-        )
+    start = bytes(data[:4])
+    reader = READERS.get(start, read_text_rays)
     try:
         return reader(path, data)
     except UserError as error:
-        if str(path) in str(error):
-            raise
-        raise UserError(f"{path}: {error}") from None
+        said = str(error) if str(path) in str(error) else f"{path}: {error}"
+        if start not in READERS:
+            said += f"; it is no binary ray file of TM-25, LightTools or Zemax: it begins with {start!r}"
+        raise UserError(said) from None
 
 
 def write_rays(rays: RaySet, path: str | Path) -> None:

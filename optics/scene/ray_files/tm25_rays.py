@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from optics.scene.ray_files.binary import packed_type, record, require_rows, rows
-from optics.scene.ray_files.ray_set import IN_WATTS, UNIT_LENGTH, RaySet, Unit
+from optics.scene.ray_files.binary import are_rays, packed_type, record, require_rows, rows
+from optics.scene.ray_files.ray_set import IN_WATTS, RaySet, Unit
 
 SIGNATURE, VERSIONS = b"TM25", (2013, 2020)
 TEXTS = 9  # name, maker, ... of the source
@@ -54,8 +54,8 @@ LOOKED_AT = 1000  # rays, by which a start is judged
 def read_tm25(path: Path, data: memoryview) -> RaySet:
     """Return the rays of a TM-25 file; of two fluxes `flux` is the one in watts.
 
-    Raises UserError : another version, a header that contradicts itself, or fewer bytes than it
-        promises.
+    Raises UserError : another version, a header that contradicts itself, or fewer or more rays than
+        it promises.
     """
     head = record(data, HEADER, path)
     if head["version"] not in VERSIONS:
@@ -90,14 +90,12 @@ def read_tm25(path: Path, data: memoryview) -> RaySet:
 def _table(path: Path, data: memoryview, head: dict[str, Any], columns: int) -> NDArray[np.float32]:
     """Return the rows of a file."""
     count, starts = head["rays"], [*_starts(path, data, head, columns)]
-    require_rows(path, len(data), min(starts), count, columns)
     for start in starts:
-        if start + 4 * columns * min(count, LOOKED_AT) <= len(data):
-            seen = rows(data, start, min(count, LOOKED_AT), columns)[:, 3:6]
-            with np.errstate(all="ignore"):  # what is no direction may be any number
-                length = np.linalg.norm(seen.astype(np.float64), axis=1)
-            if (np.abs(length - 1) <= UNIT_LENGTH).all() and start + 4 * columns * count <= len(data):
-                return rows(data, start, count, columns)
+        size = 4 * columns * min(count, LOOKED_AT)
+        if start + size <= len(data) and are_rays(rows(data, start, min(count, LOOKED_AT), columns)):
+            require_rows(path, data, start, count, columns)
+            return rows(data, start, count, columns)
+    require_rows(path, data, min(starts), count, columns)
     raise UserError(f"{path} holds no rays where its header says: directions there do not have length 1")
 
 
@@ -114,8 +112,7 @@ def _starts(path: Path, data: memoryview, head: dict[str, Any], columns: int) ->
     names = NAME * head["own_columns"] + head["text"]
     bare, padded = at + names, -(-at // PADDED) * PADDED + names
     behind = len(data) - 4 * columns * head["rays"]
-    yield from dict.fromkeys(start for start in (behind, padded, bare) if start >= bare)
-    yield bare
+    yield from dict.fromkeys(start for start in (padded, bare, behind) if start >= bare)
 
 
 def tm25_bytes(rays: RaySet) -> bytes:

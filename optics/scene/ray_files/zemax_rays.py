@@ -40,12 +40,12 @@ MOST_RAYS = 4_000_000_000
 def read_zemax(path: Path, data: memoryview) -> RaySet:
     """Return the rays of a Zemax file.
 
-    Raises UserError : an unknown unit, or fewer bytes than the header promises.
+    Raises UserError : an unknown unit, or fewer or more rays than the header promises.
     """
     head = record(data, HEADER, path)
     require_known(head, {"length_unit": MILLIMETRES, "spectral": (0, 2), "flux_unit": (0, 1)}, path)
     columns = 8 if head["spectral"] else 7
-    require_rows(path, len(data), HEADER.itemsize, head["rays"], columns)
+    require_rows(path, data, HEADER.itemsize, head["rays"], columns)
     table = rows(data, HEADER.itemsize, head["rays"], columns)
     scale = MILLIMETRES[head["length_unit"]]
     wavelength = 1000 * table[:, 7] if head["spectral"] else None

@@ -271,8 +271,14 @@ BAD = {
     "ies: negative light": (ies_text(candela=((100, -1, 0),)), "must not be negative, got -1 cd"),
     "ies: dark": (ies_text(candela=((0, 0, 0),)), "flux of a luminaire must be"),
     "ies: light beyond numbers": (ies_text(multiplier=1e308), "candela must be finite"),
-    "ies: type B": (ies_text(kind=2), "of type B, and only type C is read"),
-    "ies: type A": (ies_text(kind=3), "of type A"),
+    "ies: type B, a horizontal angle of 100": (
+        ies_text((0, 100), kind=2, candela=((1, 1, 1),) * 2),
+        "horizontal angles of types A and B lie between -90 and 90 degrees, got 0 to 100",
+    ),
+    "ies: type A, one plane that is not even": (
+        ies_text(kind=3, gammas=(-45, 0, 45)),
+        "one horizontal angle means light that is symmetric around the beam",
+    ),
     "ies: type 4": (ies_text(kind=4), "photometric type must be a whole number from 1 to 3"),
     "ies: inches": (ies_text(units=3), "units type must be"),
     "ies: angles fall": (ies_text(gammas=(0, 90, 45)), "gamma must ascend, got 45 after 90"),
@@ -282,10 +288,6 @@ BAD = {
     "ies: planes to 100": (ies_text(planes=(0, 100), candela=((1, 1, 1),) * 2), "from 0 to 100 degrees"),
     "ies: tilt": (ies_text(header="TILT=tilt.txt"), "factors of tilt are in 'tilt.txt'"),
     "ies: tilts": (ies_text(header="TILT=INCLUDE\n1\n9999\n0 90"), "promises 9999 tilt angles"),
-    "ies: decimal commas": (
-        ies_text(size="0,2 0,6 0"),
-        "decimal commas or marks of thousands, such as '0,2'",
-    ),
     "ies: one decimal comma": (ies_text(candela=(("100,5", 80, 0),)), "such as '100,5'; a comma separates"),
     "ies: marks of thousands": (
         ies_text(lumens="1,000"),
