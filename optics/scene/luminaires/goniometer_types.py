@@ -86,8 +86,8 @@ def _round(v: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:
     even = right.sum() == left.sum() and np.abs(v[right] + v[left][::-1]).max() <= SAME * QUARTER
     if not even or np.abs(values[right] - values[left][::-1]).max() > SAME * np.abs(values).max():
         raise UserError(
-            "its one horizontal angle means light that is symmetric around the beam, and its vertical angles or "
-            "intensities are not; give the horizontal angles"
+            "its one horizontal angle means light that is symmetric around the beam, and its vertical angles "
+            "or intensities are not; give the horizontal angles"
         )
     return np.array([0.0, FULL_TURN]), v[right], np.tile(values[right], (2, 1))
 

@@ -152,9 +152,8 @@ def ies_bytes(luminaire: Luminaire, title: str) -> bytes:
         length=length / METRES,
     )
     file.header = file.header.update(multiplier=f"{scale:.{digits}f}")
-    return (
-        bytes(file.write(precision=DECIMALS)).replace(b"\r\n", b"\n").replace(b"\n", b"\r\n")
-    )  # as LM-63 has it
+    text: bytes = file.write(precision=DECIMALS)
+    return b"\r\n".join(text.splitlines()) + b"\r\n"  # LM-63 demands CR LF
 
 
 def _factor_upright(tilt: str, numbers: FileNumbers) -> float:

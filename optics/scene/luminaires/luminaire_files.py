@@ -38,9 +38,8 @@ def read_luminaire(path: str | Path) -> Luminaire:
         with np.errstate(over="ignore"):  # what is infinite then is refused
             return luminaire_of_ies(text) if has_tilt and ies else luminaire_of_ldt(text)
     except UserError as error:
-        kind = (
-            "EULUMDAT" if not ies else "IES LM-63" if has_tilt else "EULUMDAT (it has no line TILT= of IES)"
-        )
+        kind = "IES LM-63" if has_tilt and ies else "EULUMDAT"
+        kind += "" if has_tilt or not ies else " (it has no line TILT= of IES)"
         raise UserError(f"{path}, read as {kind}: {error}") from None
 
 
