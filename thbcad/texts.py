@@ -119,7 +119,9 @@ def _marks_decimals(rows: Sequence[str], columns: int) -> bool:
                 raise ValueError(_ambiguous(marked[0], "beside decimal points"))
     if decimal and separating:
         raise ValueError(_ambiguous(decimal[0], "within some numbers, and between others"))
-    if separating and not any("." in row or len(OTHERS.split(row)) < 2 * columns for row in separating):
+    counts = {len(OTHERS.split(row)) for row in separating}
+    whole = not any("." in row for row in separating)
+    if separating and whole and (len(counts) > 1 or counts.pop() >= 2 * columns):
         raise ValueError(_ambiguous(separating[0], "that may be decimal commas, or part the columns"))
     return bool(decimal)
 

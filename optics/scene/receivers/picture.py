@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from optics.base.runtime import UserError, require_regular_file
+from optics.base.runtime import UserError, note, require_regular_file
+from optics.scene.receivers.picture_curves import curve_of
 from thbcad.checks import Floats
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (IEC 61966-2-1)
@@ -35,7 +38,8 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
 
     Colours count by their luminance, transparent parts are dark.  8 and 16 bit greys keep their depth.
 
-    encoding : "srgb" (decoded) or "linear".
+    encoding : "linear", or "srgb" for the curve that the file states in a chunk gAMA or an ICC profile, which
+        a note names, else that of sRGB.
 
     Raises UserError : missing or unreadable file, not a picture, too large, NaN, or black everywhere.
     """
@@ -48,7 +52,8 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
                     raise UserError(_too_large(path, f"{image.width} x {image.height} pixels,"))
                 # where a TIFF says that 0 is white Pillow heeds it with up to 8 bits
                 inverted = image.mode in DEEP_MODES and getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0
-                light = _linear(ImageOps.exif_transpose(image), encoding, inverted)
+                curve = curve_of(image.info, encoding)
+                light = _linear(ImageOps.exif_transpose(image), curve.decoded, inverted)
     except (UserError, MemoryError):
         raise
     except UnidentifiedImageError:
@@ -66,7 +71,16 @@ def read_picture(path: str | Path, encoding: str = "srgb") -> Floats:
         raise UserError(f"the picture {path} holds negative values; light cannot be negative")
     if not light.any():
         raise UserError(f"the picture {path} is black everywhere; it asks for no light")
+    if curve.stated:
+        _note_once(
+            f"{path}: its numbers are decoded by {curve.stated}, not as sRGB; an editor can save it as sRGB"
+        )
     return light
+
+
+@cache
+def _note_once(sentence: str) -> None:
+    note(sentence)
 
 
 def _too_large(path: str | Path, size: str) -> str:
@@ -75,8 +89,9 @@ def _too_large(path: str | Path, size: str) -> str:
     )
 
 
-def _linear(image: Image.Image, encoding: str, inverted: bool) -> Floats:
-    """Return the light of a picture.  inverted : of its deep numbers 0 is white."""
+def _linear(image: Image.Image, curve: Callable[[Floats], Floats], inverted: bool) -> Floats:
+    """Return the light of a picture.  curve : from its numbers to light.  inverted : of its deep numbers 0 is
+    white."""
     transparent = image.info.get("transparency")
     if image.mode in DEEP_MODES:
         values = np.asarray(image)
@@ -84,13 +99,13 @@ def _linear(image: Image.Image, encoding: str, inverted: bool) -> Floats:
             raise ValueError("its whole numbers have more than 16 bits, which only floating point may have")
         shown = DEEPEST - values if inverted else values
         if values.min() >= 0:
-            light = _decoded(np.arange(DEEPEST + 1) / DEEPEST, encoding)[shown]
+            light = curve(np.arange(DEEPEST + 1) / DEEPEST)[shown]
         else:
-            light = _decoded(shown / DEEPEST, encoding)
+            light = curve(shown / DEEPEST)
         return np.where(values == transparent, 0.0, light) if isinstance(transparent, int) else light
     if image.mode == "F":
-        return _decoded(np.asarray(image, dtype=np.float64), encoding)
-    levels = _decoded(np.arange(256) / 255, encoding)
+        return curve(np.asarray(image, dtype=np.float64))
+    levels = curve(np.arange(256) / 255)
     if image.mode in ("1", "L") and transparent is None:
         return levels[np.asarray(image.convert("L"))]
     return _luminance(np.asarray(image.convert("RGBA")), levels)
@@ -107,11 +122,3 @@ def _luminance(colours: NDArray[np.uint8], levels: Floats) -> Floats:
         band = colours[row : row + step]
         light[row : row + step] = levels[band[..., :3]] @ np.array(LUMINANCE) * (band[..., 3] / 255)
     return light
-
-
-def _decoded(values: Floats, encoding: str) -> Floats:
-    """Undo the sRGB curve."""
-    if encoding == "linear":
-        return values
-    low = values <= 0.04045
-    return np.where(low, values / 12.92, ((np.maximum(values, 0.04045) + 0.055) / 1.055) ** 2.4)

@@ -13,6 +13,7 @@ from thbcad.texts import columns_by_blanks, number
 
 GRID_HEADER = 7  # numbers: nx ny dx dy unit xdec ydec
 GRID_MISSING = 4  # column of a grid's rows that is not 0 where there is no data
+JUDGED = 1 << 16  # letters, from which the layout of a text is known
 MOST_LINES = MOST_POINTS + 100_000  # of text: headers and comments are few
 COMMENT = re.compile(r"""^[^\S\n]*(?:#|%|!|//|;|"|').*$""", re.MULTILINE)
 REMARK = re.compile(r"[#%!].*$", re.MULTILINE)
@@ -53,9 +54,10 @@ def number_rows(text: str, name: str, columns: int = 3) -> Floats:
 
 def grid_header(text: str, name: str) -> list[float] | None:
     """Return the seven numbers nx ny dx dy unit xdec ydec of a grid sag file, None of other files."""
+    start = text[:JUDGED].rpartition("\n")[0] if len(text) > JUDGED else text
     try:
-        rows = _rows(text[: 1 << 16], name, GRID_HEADER)
-    except UserError:  # rows of so many numbers have commas that may mean two things
+        rows = _rows(start, name, GRID_MISSING)
+    except UserError:  # as rows of so many numbers their commas may mean two things
         return None
     numbers = _numbers(rows[0][1], GRID_HEADER) if rows else None
     if numbers is None or len(rows[0][1].split()) != GRID_HEADER:
@@ -95,7 +97,7 @@ def _rows(text: str, name: str, columns: int) -> list[tuple[int, str]]:
         raise UserError(
             f"{name} has {lines:,} lines, and at most {MOST_POINTS:,} points are read; thin it out"
         )
-    by_tabs = _parted_by_tabs(text[: 1 << 16])
+    by_tabs = _parted_by_tabs(text[:JUDGED])
     text = REMARK.sub("", MISSING.sub("nan", COMMENT.sub("", text)))
     for empty in (EMPTY_FIELD, EMPTY_BETWEEN_TABS) if by_tabs else (EMPTY_FIELD,):
         text = empty.sub(r"\1 nan ", text)
