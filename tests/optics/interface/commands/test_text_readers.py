@@ -1,4 +1,4 @@
-"""Every reader of text takes the same numbers from the same content, whatever the encoding and the line ends."""
+"""Every reader of text takes the same numbers from every encoding and every kind of line end."""
 
 import os
 import re

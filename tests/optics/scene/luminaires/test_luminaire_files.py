@@ -11,7 +11,7 @@ from pyldt import LdtReader
 
 from optics.base.runtime import UserError
 from optics.scene.luminaires import Luminaire, Opening, read_luminaire, write_ies, write_ldt
-from tests.cases import examples
+from tests.cases import DATA, examples
 from tests.optics.scene.luminaires.cases import GAMMA, C, asymmetric, ies_text, ldt_lines
 
 WRITERS = {".ies": write_ies, ".ldt": write_ldt}
@@ -191,20 +191,99 @@ def test_factors_of_tilt_count_for_a_luminaire_that_is_not_tilted(tmp_path):
     assert lamp.flux == pytest.approx(0.5 * of_ies(tmp_path).flux)
 
 
+OLD = ("LUMINAIRE of 1986", "IESNA91", "IESNA:LM-63-1995")
+NEW = ("IESNA:LM-63-2002", "IES:LM-63-2019")
+
+
 @pytest.mark.parametrize(
-    ("size", "units", "opening"),
+    ("years", "size", "opening"),
     [
-        ("0.2 0.6 0", 2, Opening((600.0, 200.0))),
-        ("1 2 0", 1, Opening((609.6, 304.8))),
-        ("-0.2 -0.2 0", 2, Opening((200.0, 200.0), round=True)),
-        ("-0.1 0 0", 2, Opening((100.0, 100.0), round=True)),  # before 2002
-        ("0 0 0", 2, Opening()),
+        (OLD + NEW, "0.2 0.6 0", Opening((600.0, 200.0))),
+        (OLD + NEW, "0.2 0.6 0.1", Opening((600.0, 200.0))),  # a box
+        (OLD + NEW, "0 0 0", Opening()),
+        (OLD + NEW, "0 0.6 0.1", Opening((600.0, 0.0))),  # a rectangle on edge
+        (OLD + NEW, "-0.1 0 0", Opening((100.0, 100.0), round=True)),
+        (OLD + NEW, "-0.1 0 0.3", Opening((100.0, 100.0), round=True)),  # a vertical cylinder
+        (OLD + NEW, "-0.12 0.34 0", Opening((340.0, 120.0), round=True)),
+        (OLD, "-0.12 0.34 0.2", Opening((340.0, 120.0), round=True)),
+        (OLD, "0.12 -0.34 0.2", Opening((340.0, 120.0), round=True)),
+        (OLD, "-0.12 0.34 -0.2", Opening((340.0, 120.0), round=True)),  # an ellipsoid
+        (OLD, "-0.1 0 -0.1", Opening((100.0, 100.0), round=True)),  # a sphere
+        (OLD, "0 0.6 -0.1", Opening((600.0, 100.0))),  # a cylinder along the length
+        (OLD, "0.6 0 -0.1", Opening((100.0, 600.0))),  # across it
+        (NEW, "-0.2 -0.2 0", Opening((200.0, 200.0), round=True)),
+        (NEW, "-0.2 -0.5 0.1", Opening((500.0, 200.0), round=True)),
+        (NEW, "-0.2 -0.2 -0.2", Opening((200.0, 200.0), round=True)),  # a sphere
+        (NEW, "-0.2 -0.5 -0.3", Opening((500.0, 200.0), round=True)),
+        (NEW, "-0.1 0.6 -0.1", Opening((600.0, 100.0))),  # a cylinder along the length
+        (NEW, "-0.1 0.6 -0.2", Opening((600.0, 100.0))),
+        (NEW, "0.6 -0.1 -0.1", Opening((100.0, 600.0))),  # across it
+        (NEW, "0 -0.3 -0.3", Opening((300.0, 0.0))),  # a disk on edge
     ],
 )
-def test_openings_are_mm_along_x_and_y(tmp_path, size, units, opening):
-    found = of_ies(tmp_path, size=size, units=units).opening
-    assert found.size == pytest.approx(opening.size)
-    assert found.round == opening.round
+@pytest.mark.parametrize(("units", "unit"), [(2, 1.0), (1, 0.3048)])
+def test_openings_are_mm_along_x_and_y_by_the_signs_of_every_edition(
+    tmp_path, years, size, opening, units, unit
+):
+    """Signs as the editions have them in their tables, of which Radiance's ies2rad holds a copy."""
+    for first in years:
+        found = of_ies(tmp_path, first=first, size=size, units=units).opening
+        assert found.size == pytest.approx([unit * side for side in opening.size]), first
+        assert found.round == opening.round, first
+
+
+PRACTICE = {
+    "l01_crlf.ies": Opening((300.0, 100.0)),
+    "l02_typeB.ies": Opening((300.0, 100.0)),
+    "l05_ellipse_1995.ies": Opening((340.0, 120.0), round=True),
+    "d02_blank_ratios.ldt": Opening((100.0, 300.0)),
+    "d04_name_tilt.ldt": Opening((100.0, 300.0)),
+}
+
+
+@pytest.mark.parametrize("name", PRACTICE)
+def test_files_as_practice_has_them_have_their_flux(name):
+    """The flux was computed without this project."""
+    lamp = read_luminaire(DATA / "practice" / name)
+    assert lamp.flux == pytest.approx(684.9555921, abs=1e-7)
+    assert lamp.opening.size == pytest.approx(PRACTICE[name].size)
+    assert lamp.opening.round == PRACTICE[name].round
+
+
+def test_written_ies_files_have_cr_lf(tmp_path):
+    write_ies(asymmetric(), tmp_path / "lamp.ies")
+    data = (tmp_path / "lamp.ies").read_bytes()
+    assert data.count(b"\n") == data.count(b"\r\n") > 10
+    assert data.endswith(b"\r\n")
+
+
+@pytest.mark.parametrize("at", [0, 7, 8, 9, 10, 11, 27])
+@pytest.mark.parametrize("text", ["TILT=15 flood", "TILT=NONE", "IESNA:LM-63-2002", "[TEST] 5"])
+def test_names_do_not_decide_the_format(tmp_path, at, text):
+    """A file whose counts stand in the lines of EULUMDAT is one, whatever its texts are."""
+    lines = ldt_lines()
+    lines[at] = text
+    assert read_luminaire(written(tmp_path, "\n".join(lines))).flux == of_ldt(tmp_path).flux
+
+
+def test_the_last_line_of_tilt_counts_in_an_ies_file_and_decimal_commas_do(tmp_path):
+    plain = of_ies(tmp_path)
+    early = of_ies(tmp_path, header="TILT=40 DEGREES, a floodlight\n[TEST] none\nTILT=NONE")
+    np.testing.assert_array_equal(early.candela, plain.candela)
+    commas = of_ies(tmp_path, size="0,2 0,6 0")
+    np.testing.assert_array_equal(commas.candela, plain.candela)
+    assert commas.opening == plain.opening
+
+
+def test_planes_at_0_and_360_are_one_plane_measured_twice(tmp_path):
+    lamp = of_ies(tmp_path, planes=(0, 180, 360), candela=((100, 50, 0), (80, 40, 0), (100, 52, 0)))
+    np.testing.assert_array_equal(lamp.candela, [[100, 51, 0], [80, 40, 0], [100, 51, 0]])
+
+
+def test_three_steps_of_90_degrees_are_a_full_turn(tmp_path):
+    candela = ((100, 50, 0), (80, 40, 0), (90, 45, 0), (70, 35, 0))
+    lamp = of_ies(tmp_path, planes=(0, 90, 180, 270), candela=candela)
+    np.testing.assert_array_equal(lamp.candela, [*candela, candela[0]])
 
 
 def test_lumens_of_minus_1_are_absolute_photometry(tmp_path):
@@ -313,6 +392,11 @@ BAD = {
         ies_text(planes=(0, 360), candela=((100, 50, 0), (100, 60, 0))),
         "C = 0 and C = 360 differ",
     ),
+    "ies: a part of a turn": (
+        ies_text((0, 30, 60, 200), candela=((1, 1, 1),) * 4),
+        "planes C run from 0 to 200 degrees",
+    ),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(99), "is no text: it is a PNG picture"),
     "ldt: odd symmetry": ("\n".join(ldt_lines(4, (0, 120, 240))), "multiples of 4, got 3"),
 }
 

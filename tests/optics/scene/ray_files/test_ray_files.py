@@ -10,6 +10,7 @@ from optics import UserError
 from optics.scene.ray_files import RaySet, read_rays, write_rays
 from optics.scene.ray_files.formats import WRITERS
 from optics.scene.sources import RayFileSource
+from tests.cases import DATA
 
 SUFFIXES = [*WRITERS]
 NUMBERS = st.floats(-1e6, 1e6, width=32)
@@ -122,6 +123,52 @@ BY_HAND = {
 }
 
 
+TEXT = "0 0.5 0 0.6 0 0.8 1.5\n1 2 3 0 0 1 0.25\n"
+TEXTS = {
+    "rows alone": (TEXT, 1.0, "W"),
+    "names of columns": ("X Y Z L M N Flux\n" + TEXT, 1.0, "W"),
+    "a remark and lumens": ("# from a lamp\nx y z l m n flux [lm]\n" + TEXT, 1.0, "lm"),
+    "a count": ("2\n" + TEXT, 1.0, "W"),
+    "a count and inches": ("2 1\n" + TEXT, 25.4, "W"),
+    "commas": (TEXT.replace(" ", ","), 1.0, "W"),
+    "decimal commas between tabs": (TEXT.replace(" ", "\t").replace(".", ","), 1.0, "W"),
+    "Fortran exponents": (TEXT.replace("1.5", "15.0D-01"), 1.0, "W"),
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_rays_as_text_are_read(tmp_path, name):
+    text, scale, unit = TEXTS[name]
+    (tmp_path / "rays.txt").write_text(text)
+    rays = read_rays(tmp_path / "rays.txt")
+    np.testing.assert_allclose(rays.position, scale * np.array([[0, 0.5, 0], [1, 2, 3]]), rtol=1e-7)
+    np.testing.assert_allclose(rays.direction, [[0.6, 0, 0.8], [0, 0, 1]], rtol=1e-7)
+    np.testing.assert_array_equal(rays.flux, [1.5, 0.25])
+    assert (rays.unit, rays.wavelength) == (unit, None)
+
+
+@pytest.mark.parametrize("wavelength", ["0.55", "550"])
+def test_wavelengths_of_rays_as_text_are_in_um_or_nm(tmp_path, wavelength):
+    (tmp_path / "rays.txt").write_text(f"0 0 0 0 0 1 1 {wavelength}\n")
+    np.testing.assert_allclose(read_rays(tmp_path / "rays.txt").wavelength, [550], rtol=1e-6)
+
+
+def test_ray_files_as_practice_has_them():
+    rays = read_rays(DATA / "practice" / "r01_ascii.txt")
+    assert len(rays) == 200
+    assert rays.total == pytest.approx(200 * 4.5e-5)
+    with pytest.raises(UserError, match="400 rays, and 100 more behind them; mend the count"):
+        read_rays(DATA / "practice" / "r11_long.dat")
+
+
+def test_more_rays_than_the_header_says_are_refused_as_fewer_are(tmp_path):
+    rays = [(0.1 * k, 2, 3, 0, 0, 1, 0.5) for k in range(5)]
+    for data in (by_hand_zemax(rays=rays, count=3), by_hand_tm25(rays, count=3)):
+        (tmp_path / "some.file").write_bytes(data)
+        with pytest.raises(UserError, match="too long for what its header says: 3 rays, and 2 more"):
+            read_rays(tmp_path / "some.file")
+
+
 @pytest.mark.parametrize("name", BY_HAND)
 def test_files_laid_out_by_hand_are_read(tmp_path, name):
     data, scale, wavelength = BY_HAND[name]
@@ -140,6 +187,13 @@ def test_files_laid_out_by_hand_are_read(tmp_path, name):
     [
         (b"", "is empty"),
         (b"# LightTools 8.7", "no binary ray file"),
+        (b"1 2 3 0 0 1 0.5\n1 2 3 0 0 1\n", "line 2 of .* not 7 numbers; it may be truncated"),
+        (b"3\n1 2 3 0 0 1 0.5\n1 2 3 0 0 1 0.5\n", "holds 2 rays, and its head says 3"),
+        (b"1\n1 2 3 0 0 1 0.5\n1 2 3 0 0 1 0.5\n", "holds 2 rays, and its head says 1"),
+        (b"1 7\n1 2 3 0 0 1 0.5\n", "unknown unit 7 of length"),
+        (b"1 2 3 0 0 1 0.5 550 9\n", "rows of 9 numbers"),
+        (b"1 2 3 0 0 2 0.5\n", "direction of ray 0 must have length 1, got 2"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(50), "it is a PNG picture"),
         (by_hand_zemax(count=4_000_000_000), "4000000000 rays of 28 bytes behind 208 bytes need"),
         (by_hand_zemax(unit=9), "unknown length unit 9"),
         (by_hand_zemax(spectral=1), "unknown spectral 1"),

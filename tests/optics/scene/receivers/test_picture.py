@@ -7,13 +7,14 @@ import zlib
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from PIL import EpsImagePlugin, Image
+from PIL import EpsImagePlugin, Image, ImageCms
 
 from optics.base.runtime import UserError
 from optics.scene.receivers.fitted_picture import divided, fit_picture
 from optics.scene.receivers.picture import LUMINANCE, read_picture
 from optics.scene.receivers.screen import Screen
 from optics.scene.system import target_irradiance
+from tests.cases import DATA
 from tests.optics.cases import picture
 
 
@@ -33,6 +34,89 @@ def grey(values):
 
 
 # Reading
+
+
+@pytest.mark.parametrize("gamma", [1.0, 0.5, 1 / 2.4])
+def test_the_chunk_gama_of_a_png_is_heeded_and_said(tmp_path, gamma, capsys):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    path = saved(tmp_path, grey(levels))
+    plain = path.read_bytes()
+    path.write_bytes(plain[:33] + png_chunk(b"gAMA", struct.pack(">I", round(1e5 * gamma))) + plain[33:])
+    np.testing.assert_allclose(read_picture(path), (levels / 255) ** (1 / round(gamma, 5)), rtol=1e-12)
+    assert (
+        f"decoded by the chunk gAMA of the file, {round(gamma, 5):g}, not as sRGB" in capsys.readouterr().err
+    )
+    np.testing.assert_array_equal(read_picture(path, "linear"), levels / 255)
+    path.write_bytes(plain[:33] + png_chunk(b"sRGB", b"\0") + path.read_bytes()[33:])
+    np.testing.assert_allclose(read_picture(path).ravel()[::17], [srgb(v / 255) for v in range(0, 256, 17)])
+
+
+def test_the_usual_gama_means_srgb(tmp_path, capsys):
+    path = saved(tmp_path, grey(np.arange(256, dtype=np.uint8).reshape(16, 16)))
+    light, plain = read_picture(path), path.read_bytes()
+    path.write_bytes(plain[:33] + png_chunk(b"gAMA", struct.pack(">I", 45455)) + plain[33:])
+    np.testing.assert_array_equal(read_picture(path), light)
+    assert capsys.readouterr().err == ""
+
+
+def test_linear_numbers_as_practice_has_them_are_linear():
+    path = DATA / "practice" / "i14_gama1.png"
+    np.testing.assert_array_equal(read_picture(path), np.asarray(Image.open(path)) / 255)
+
+
+def png_chunk(kind, data):
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def profile(tag, curve):
+    """Return an ICC profile with one curve and nothing else."""
+    return bytes(128) + struct.pack(">I4sII", 1, tag, 144, len(curve)) + curve
+
+
+def para(kind, *numbers):
+    return (
+        b"para"
+        + bytes(4)
+        + struct.pack(">HH", kind, 0)
+        + struct.pack(f">{len(numbers)}i", *(round(65536 * n) for n in numbers))
+    )
+
+
+CURV = b"curv" + bytes(4)
+CURVES = {
+    "linear": (CURV + struct.pack(">I", 0), lambda v: v),
+    "an exponent": (CURV + struct.pack(">IH", 1, 461), lambda v: v ** (461 / 256)),
+    "a table": (
+        CURV + struct.pack(">I3H", 3, 0, 13107, 65535),
+        lambda v: np.interp(v, [0, 0.5, 1], [0, 0.2, 1]),
+    ),
+    "formula 0": (para(0, 1.75), lambda v: v**1.75),
+    "formula 1": (para(1, 2, 1.25, -0.25), lambda v: np.maximum(1.25 * v - 0.25, 0) ** 2),
+    "formula 2": (para(2, 2, 0.75, 0.125, 0.125), lambda v: (0.75 * v + 0.125) ** 2 + 0.125),
+    "formula 3": (para(3, 2, 1, 0, 0.5, 0.5), lambda v: np.where(v >= 0.5, v**2, 0.5 * v)),
+    "formula 4": (
+        para(4, 2, 1, 0, 0.5, 0.5, 0.125, 0.25),
+        lambda v: np.where(v >= 0.5, v**2 + 0.125, 0.5 * v + 0.25),
+    ),
+}
+
+
+@pytest.mark.parametrize("tag", [b"kTRC", b"gTRC"])
+@pytest.mark.parametrize("name", CURVES)
+def test_the_curve_of_an_icc_profile_is_heeded(tmp_path, name, tag):
+    curve, formula = CURVES[name]
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    path = saved(tmp_path, grey(levels), icc_profile=profile(tag, curve))
+    np.testing.assert_allclose(read_picture(path), formula(levels / 255), rtol=1e-12)
+
+
+def test_the_profile_of_srgb_and_damaged_ones_leave_srgb(tmp_path, capsys):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    light = read_picture(saved(tmp_path, grey(levels)))
+    whole = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    for data in (whole, whole[:100], whole[:200], bytes(500), profile(b"kTRC", b"mft1" + bytes(9))):
+        np.testing.assert_array_equal(read_picture(saved(tmp_path, grey(levels), icc_profile=data)), light)
+    assert capsys.readouterr().err == ""
 
 
 def test_8_bit_greys_are_decoded_by_the_srgb_formula(tmp_path):

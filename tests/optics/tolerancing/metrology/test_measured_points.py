@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.tolerancing.metrology import FileFrame, measured_points, read_measured
-from tests.cases import examples
+from optics.tolerancing.metrology import FileFrame, measured_points, measured_text, read_measured
+from tests.cases import DATA, examples
 from tests.optics.tolerancing.metrology.cases import HALF_WIDTH, freeform, ripple, scattered
 from thbcad.io import cloud_text, sag_text
+from thbcad.lens import FreeformSurface
+from thbcad.sags import Conic
 
 SURFACE = freeform()
 X, Y = scattered(300)
@@ -161,6 +163,40 @@ def test_a_missing_file_and_a_wrong_word_are_named(tmp_path: Path) -> None:
         read_measured(tmp_path / "none.xyz", SURFACE)
     with pytest.raises(UserError, match="unit must be one of m, mm, um, nm, got 'inch'"):
         FileFrame(unit="inch")
+
+
+PARABOLA = FreeformSurface((10.0, 10.0), Conic(40.0, -1.0))
+
+
+def test_errors_with_decimal_commas_between_tabs_have_their_rms() -> None:
+    """x, y in mm and dz in um with one decimal, as a German program writes them."""
+    frame = FileFrame(height_unit="um", kind="errors")
+    x, y, z = read_measured(DATA / "practice" / "m12_errors_one_decimal_tab.txt", PARABOLA, frame).points
+    assert np.sqrt(np.mean((z - PARABOLA(x, y)) ** 2)) == pytest.approx(0.14525e-3, abs=5e-9)
+    assert (x.min(), x.max(), y.min(), y.max()) == (-9.1, 9.1, -9.1, 9.1)
+
+
+def test_fortran_exponents_are_read() -> None:
+    x, y, z = read_measured(DATA / "practice" / "m09_fortran_D.txt", PARABOLA).points
+    assert len(x) == 625
+    np.testing.assert_allclose(z - (x**2 + y**2) / 100, 0, atol=1e-7)
+
+
+@pytest.mark.parametrize("word", ["4_5.0", "\u0664\u0665", "\uff11"])
+def test_digits_that_are_not_ascii_are_refused_with_their_line(tmp_path: Path, word: str) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_text("x y z\n1 2 3\n" + f"1 {word} 3\n", encoding="utf-8")
+    with pytest.raises(UserError, match=r"line 3 of .* not 3 numbers"):
+        read_measured(path, SURFACE)
+
+
+def test_too_many_lines_are_refused_before_they_are_read(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_text("1 2 3\n" * 30_000, encoding="utf-8")
+    monkeypatch.setattr(measured_text, "MOST_LINES", 29_999)
+    monkeypatch.setattr(np, "loadtxt", None)
+    with pytest.raises(UserError, match="has 30,000 lines, and at most 2,000,000 points are read"):
+        read_measured(path, SURFACE)
 
 
 def test_a_device_without_end_is_refused(monkeypatch) -> None:

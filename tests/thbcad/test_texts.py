@@ -1,0 +1,84 @@
+"""Text and numbers of files: what commas mean, what is a number, and what is no text."""
+
+import pytest
+
+from thbcad.texts import LATIN, OtherKind, columns_by_blanks, number, text_of
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("1 2 3", [[1, 2, 3]]),
+        ("1,2,3", [[1, 2, 3]]),
+        ("1, 2, 3", [[1, 2, 3]]),
+        ("1.5,2.5,3", [[1.5, 2.5, 3]]),
+        ("1,5 2,5 3", [[1.5, 2.5, 3]]),
+        ("1,5;2,5;0,3", [[1.5, 2.5, 0.3]]),
+        ("1,5\t2,5\t-,3", [[1.5, 2.5, -0.3]]),
+        ("12,500 3,250 1,125", [[12.5, 3.25, 1.125]]),
+        ("1 2 3\n1,5 2 3", [[1, 2, 3], [1.5, 2, 3]]),
+        ("1,5e-3\t2,5D+1\t3d0", [[1.5e-3, 25, 3]]),
+        ("1,2,3,4,5,6.5", [[1, 2, 3, 4, 5, 6.5]]),
+    ],
+)
+def test_commas_mean_what_the_other_marks_leave_them(text, rows):
+    plain = columns_by_blanks(text, 3)
+    assert [[number(word) for word in row.split()] for row in plain.split("\n")] == rows
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("-9,1,-8,4,0,130", "-9,1,-8,4,0,130"),  # one separator for both
+        ("1,2,3\n1,2,3,5", "1,2,3"),
+        ("12,3 4", "12,3 4"),  # x,y z, or two numbers
+        ("1.234,5;2;3", "1.234,5;2;3"),
+        ("1,234.5 2 3", "1,234.5 2 3"),
+        ("1.5 2,5 3", "2,5"),
+        ("1,2,3\n1,5 2 3", "1,5 2 3"),
+    ],
+)
+def test_commas_that_may_mean_two_things_are_refused_by_name(text, shown):
+    with pytest.raises(ValueError, match=r"it has commas .* write decimal points") as caught:
+        columns_by_blanks(text, 3)
+    assert repr(shown) in str(caught.value)
+
+
+def test_commas_in_names_of_columns_and_remarks_say_nothing():
+    assert columns_by_blanks("x, y, z\n1.5 2 3 first, second", 3).split("\n")[1].split()[:3] == [
+        "1.5",
+        "2",
+        "3",
+    ]
+
+
+@pytest.mark.parametrize(
+    "word", ["", ".", "1_0", "\u0661", "\uff11", "0x1", "1e", "e5", "nan", "inf", "1,5", "--1"]
+)
+def test_what_is_no_number_of_ascii_digits_is_refused(word):
+    with pytest.raises(ValueError, match="is no number"):
+        number(word)
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [
+        (b"\x89PNG\r\n\x1a\n\0", "a PNG picture"),
+        (b"\xff\xd8\xff\xe0\0", "a JPEG picture"),
+        (b"GIF89a\0", "a GIF picture"),
+        (b"PK\3\4\0", "a ZIP archive"),
+        (b"\x1f\x8b\x08\0", "a gzip archive"),
+        (b"%PDF-1.4\n", "a PDF"),
+    ],
+)
+@pytest.mark.parametrize("older", [None, LATIN])
+def test_other_kinds_of_files_are_named(start, kind, older):
+    with pytest.raises(OtherKind, match=kind):
+        text_of(start + bytes(range(128)), older)
+
+
+def test_bytes_that_are_no_text_are_refused_and_an_end_byte_within_is_kept():
+    with pytest.raises(ValueError, match="it is no text: it holds bytes that are 0"):
+        text_of(b"a text\0with a zero")
+    assert text_of(b"one\x1atwo\r\n\x1a") == "one\x1atwo\n"
+    assert text_of("\u2026".encode("cp1252") + b"\n1", LATIN).split("\n") == ["\x85", "1"]  # NEL ends no line
