@@ -17,11 +17,16 @@ JUDGED = 1 << 16  # letters, from which the layout of a text is known
 MOST_LINES = MOST_POINTS + 100_000  # of text: headers and comments are few
 COMMENT = re.compile(r"""^[^\S\n]*(?:#|%|!|//|;|"|').*$""", re.MULTILINE)
 REMARK = re.compile(r"[#%!].*$", re.MULTILINE)
-MISSING = re.compile(
-    r"\*+|\bno[ _]?data\b|\bn/?a\b|\bbad\b|(?<![\w.])-{2,}(?![\w.])"
-    r"|[-+]?1\.#(?:QNAN|SNAN|IND|INF)\w*|[-+]?nan\(\w*\)",  # as Windows prints what is no number
-    re.IGNORECASE,
-)
+# what programs write in the place of a value, by letters without which a text has none of it: long texts are
+# searched for these first
+MISSING = {
+    "*": re.compile(r"\*+"),
+    "--": re.compile(r"(?<![\w.])-{2,}(?![\w.])"),
+    "#": re.compile(r"[-+]?1\.#(?:QNAN|SNAN|IND|INF)\w*", re.IGNORECASE),  # Windows
+    "(": re.compile(r"[-+]?nan\(\w*\)", re.IGNORECASE),
+    "a": re.compile(r"\b(?:no[ _]?data|n/?a|bad)\b", re.IGNORECASE),
+    "A": re.compile(r"\b(?:no[ _]?data|n/?a|bad)\b", re.IGNORECASE),
+}
 EMPTY_FIELD = re.compile(r"([,;])(?=[^\S\n]*(?:[,;]|$))", re.MULTILINE)
 EMPTY_BETWEEN_TABS = re.compile(r"(\t)(?= *(?:\t|$))", re.MULTILINE)
 NO_NUMBERS = ("nan", "inf", "infinity")
@@ -98,7 +103,10 @@ def _rows(text: str, name: str, columns: int) -> list[tuple[int, str]]:
             f"{name} has {lines:,} lines, and at most {MOST_POINTS:,} points are read; thin it out"
         )
     by_tabs = _parted_by_tabs(text[:JUDGED])
-    text = REMARK.sub("", MISSING.sub("nan", COMMENT.sub("", text)))
+    text = COMMENT.sub("", text)
+    for letters, missing in MISSING.items():
+        text = missing.sub("nan", text) if letters in text else text
+    text = REMARK.sub("", text)
     for empty in (EMPTY_FIELD, EMPTY_BETWEEN_TABS) if by_tabs else (EMPTY_FIELD,):
         text = empty.sub(r"\1 nan ", text)
     try:
