@@ -15,6 +15,10 @@ MOST = 1 << 28  # bytes that are read where nothing less will do
 PART = 1 << 20  # bytes that are asked for at once
 
 
+class NotRegular(OSError):
+    """A folder, a pipe or a device in the place of a file."""
+
+
 def require_regular(path: str | Path) -> None:
     """Raise OSError where there is no file, or a folder, a pipe or a device, which may have no end."""
     if found := _other_kind(path):
@@ -64,8 +68,8 @@ def _other_kind(path: str | Path) -> str:
     return "a folder" if stat.S_ISDIR(mode) else PIPE
 
 
-def _unreadable(path: str | Path, reason: str) -> OSError:
-    return OSError(errno.EINVAL, reason, str(path))
+def _unreadable(path: str | Path, reason: str) -> NotRegular:
+    return NotRegular(errno.EINVAL, reason, str(path))
 
 
 def _at_most(path: str | Path, data: bytes, most: int) -> bytes:

@@ -70,7 +70,8 @@ def text_of(data: bytes, older: str | None = None) -> str:
     text = DOS_END.sub("", LINE_END.sub("\n", text))
     if "\0" in text:
         _refuse_other_kinds(data)
-        raise ValueError("it is no text: it holds bytes that are 0")
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise ValueError(f"it is no text: line {line} holds a byte that is 0")
     if data.startswith(b"%PDF"):
         _refuse_other_kinds(data)
     return text

@@ -78,7 +78,7 @@ def test_other_kinds_of_files_are_named(start, kind, older):
 
 
 def test_bytes_that_are_no_text_are_refused_and_an_end_byte_within_is_kept():
-    with pytest.raises(ValueError, match="it is no text: it holds bytes that are 0"):
-        text_of(b"a text\0with a zero")
+    with pytest.raises(ValueError, match="it is no text: line 2 holds a byte that is 0"):
+        text_of(b"a text\nand a\0zero")
     assert text_of(b"one\x1atwo\r\n\x1a") == "one\x1atwo\n"
     assert text_of("\u2026".encode("cp1252") + b"\n1", LATIN).split("\n") == ["\x85", "1"]  # NEL ends no line

@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import re
-import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
-
-import numpy as np
-from numpy.typing import NDArray
 
 from optics.base.runtime.errors import UserError
-from thbcad.files import file_or_pipe_bytes, regular_bytes, require_regular
-
-Array = NDArray[Any]
+from thbcad.files import NotRegular, file_or_pipe_bytes, regular_bytes, require_regular
 
 REFUSED = re.compile(r'[<>:"/\\|?*\x00-\x1f]|[ .]$')
 DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE)
@@ -70,25 +62,6 @@ def read_at_most(path: str | Path, most: int, pipes: bool = False) -> bytes:
         return file_or_pipe_bytes(path, most) if pipes else regular_bytes(path, most)
 
 
-def read_arrays(path: str | Path, needed: Iterable[str] = ()) -> dict[str, Array]:
-    """Return the arrays of an .npz file by name; no array of Python objects is read, so no code runs.
-
-    needed : names that it must have, with numbers.
-
-    Raises UserError : it cannot be read, is damaged, or lacks a needed array.
-    """
-    require_regular_file(path)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, AttributeError, BadZipFile, zlib.error) as error:
-        raise UserError(f"{path} is no file of plain arrays: {error}; run the design again") from None
-    for name in needed:
-        if name not in arrays or arrays[name].dtype.kind not in "biuf":
-            raise UserError(f"{path} has no array {name} of numbers; run the design again")
-    return arrays
-
-
 @contextmanager
 def _read(path: str | Path, noun: str = "") -> Iterator[None]:
     """Say in one sentence why the block cannot read a file.
@@ -104,6 +77,8 @@ def _read(path: str | Path, noun: str = "") -> Iterator[None]:
         ) from None
     except OSError as error:
         remedy = "check who may read it" if isinstance(error, PermissionError) else "check the path"
+        if isinstance(error, NotRegular):
+            remedy = "give the path of a file"
         raise UserError(f"cannot read {name}: {error.strerror or error}; {remedy}") from None
     except ValueError as error:
         reason = str(error) if str(path) in str(error) else f"cannot read {name}: {error}; check the path"

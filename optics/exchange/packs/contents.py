@@ -10,7 +10,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from optics.base.runtime import Check, UserError, checks_of, read_arrays
+from optics.base.runtime import Check, UserError, checks_of
 from optics.exchange.export import Body, Labels, export
 from optics.exchange.packs.expected import (
     Quantity,
@@ -22,7 +22,7 @@ from optics.exchange.packs.expected import (
     table_text,
 )
 from optics.exchange.packs.readme import DRAWING, Told, texts
-from optics.exchange.results import ResultFolder
+from optics.exchange.results import ResultFolder, read_arrays
 from optics.scene.ray_files import RaySet
 from optics.scene.receivers import FarField, Plane
 from optics.scene.system import OpticalSystem

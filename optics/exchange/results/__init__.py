@@ -3,6 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
+    from .array_files import read_arrays
     from .checkpoint import read_checkpoint, write_checkpoint
     from .folder_lock import run_lock
     from .identity import data_of, fingerprint, run_id

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optics.base.runtime import UserError, device, read_arrays
+from optics.base.runtime import UserError, device
 from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
-from optics.exchange.results import ResultFolder
+from optics.exchange.results import ResultFolder, read_arrays
 from optics.interface.api.design_files import save, verified
 from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import unit_of

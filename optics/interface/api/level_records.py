@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from optics.base.runtime import read_arrays
 from optics.designing.optimisation import Indicators, Stage
-from optics.exchange.results import lens_of
+from optics.exchange.results import lens_of, read_arrays
 from optics.interface.api.irradiance_model import unit_of
 from optics.light.analysis import Measurement, measure, rel_l2
 from optics.light.engines import Engine

@@ -8,9 +8,9 @@ from math import isclose
 from pathlib import Path
 from typing import Any
 
-from optics.base.runtime import Check, UserError, check_lines, read_arrays, verification
+from optics.base.runtime import Check, UserError, check_lines, verification
 from optics.exchange.export import report_of, require_free_files
-from optics.exchange.results import HASHES, ResultFolder, hashes
+from optics.exchange.results import HASHES, ResultFolder, hashes, read_arrays
 from optics.interface.commands.outcome import OF_GRADES, Outcome
 from optics.light.blur import spot_rms
 from optics.light.outgoing import (

@@ -197,9 +197,15 @@ TEXTS = [
     ("YAML", lambda text: "title: lens\nsource:\n  kind: point\n", "line", "mend it there"),
     ("an open string", _replaced('title = "small"', 'title = "small'), "line", "mend it there"),
     ("a zero byte", lambda text: text + "\0", "line", "mend it there"),
-    ("UTF-16", lambda text: text.encode("utf-16"), "UTF-8", "save it as UTF-8"),
+    ("UTF-16, cut off", lambda text: text.encode("utf-16")[:-1], "not UTF-16 text: line", "save it as UTF-8"),
     ("Latin-1", lambda text: ("# für\n" + text).encode("latin-1"), "UTF-8", "save it as UTF-8"),
-    ("a picture", lambda text: b"\x89PNG\r\n\x1a\n" + bytes(99), "UTF-8", "save it as UTF-8"),
+    (
+        "a picture",
+        lambda text: b"\x89PNG\r\n\x1a\n" + bytes(2_000_000),
+        "is a PNG picture, not a problem file",
+        "write it by `thbcad new > my.toml`, then run `thbcad check my.toml --set target.image=",
+    ),
+    ("a gzip archive", lambda text: b"\x1f\x8b\x08\0" + bytes(99), "is a gzip archive", "give a TOML file"),
     (
         "nesting without end",
         lambda text: "x = " + "[" * 9000 + text,
@@ -212,7 +218,12 @@ TEXTS = [
         "a key has more than 16 parts",
         "mend it there",
     ),
-    ("two megabytes", lambda text: text + "#" * 2_000_000, "larger than", "the 1000000 bytes allowed"),
+    (
+        "two megabytes",
+        lambda text: text + "#" * 2_000_000,
+        "has more than 1,000,000 letters",
+        "is it the right file?",
+    ),
     (
         "cut in the middle",
         lambda text: text[: text.index("conic") + 3],

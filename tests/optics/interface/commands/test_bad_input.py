@@ -1,9 +1,13 @@
 """What the command line refuses, in one sentence, and odd input that it takes."""
 
+import os
+
 import numpy as np
 import pytest
 
+from optics.base.runtime import UserError
 from optics.designing.optimisation import State
+from optics.interface.api import Design
 from optics.interface.commands import main
 from tests.optics.cases import picture, write_problem
 from tests.optics.interface.commands.cases import QUICK, data_of, raising, refused, strict_json
@@ -60,6 +64,33 @@ def test_a_result_file_that_is_a_folder_is_refused(tmp_path, capsys):
     (tmp_path / "out" / "problem.toml").mkdir(parents=True)
     message = refused(capsys, "design", write_problem(tmp_path, QUICK), "--out", tmp_path / "out")
     assert "problem.toml: it is a folder" in message
+
+
+@pytest.mark.parametrize("date", ["abc", "", "1e3", "-1", "1" * 13])
+@pytest.mark.parametrize("command", [["new"], ["check", "problem.toml"]])
+def test_a_date_that_packages_cannot_read_is_refused(capsys, monkeypatch, date, command):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
+    assert "SOURCE_DATE_EPOCH must be whole seconds since 1970" in refused(capsys, *command)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    assert main(["new"]) == 0
+
+
+PIPES = ("problem.toml", "lens.json", "result.json", "metrics.json", "history.csv", "irradiance.npz")
+
+
+@pytest.mark.parametrize("name", PIPES)
+def test_a_pipe_in_the_place_of_a_file_of_a_result_is_refused(copy, name):
+    """Reading it would wait for ever."""
+    (copy / name).unlink()
+    os.mkfifo(copy / name)
+    with pytest.raises((UserError, OSError), match=r"it is a pipe or a device, not a file"):
+        Design.load(copy)
+
+
+def test_a_pipe_in_the_place_of_a_lens_is_refused(result, tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe.json")
+    message = refused(capsys, "verify", result / "lens.step", "--lens", tmp_path / "pipe.json")
+    assert "pipe.json: it is a pipe or a device, not a file" in message
 
 
 # ---- odd but good input ----

@@ -119,7 +119,7 @@ def test_progress_has_one_phase_however_many_lenses_there_are(monkeypatch):
             "the light asked for is not uniform",
         ),
         (["--tolerances", "none.toml"], "none.toml"),
-        (["--tolerances", "/dev/zero"], "larger than a file of amounts"),
+        (["--tolerances", "/dev/zero"], "/dev/zero is larger than the 1,048,576 bytes allowed"),
         (["--tolerances", "lens.toml"], "lens.toml: title must be a number from 0, got 'small'; a file of"),
         (["--tolerances", "less.toml"], "less.toml: rear.form must be a number from 0, got -1.5"),
         (["--samples", "100"], "8 times a power of two"),
