@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from optics.base.runtime import UserError
-from optics.scene.ray_files.ray_set import RaySet
+from optics.scene.ray_files.ray_set import RaySet, Unit
 from optics.scene.ray_files.zemax_rays import MILLIMETRES
 from thbcad.checks import Floats
 from thbcad.texts import LATIN, columns_by_blanks, number, text_of
@@ -52,8 +52,12 @@ def read_text_rays(path: Path, data: memoryview) -> RaySet:
     wavelength = table[:, COLUMNS] if table.shape[1] == WITH_WAVELENGTH else None
     if wavelength is not None and wavelength.max() <= LONGEST_UM:
         wavelength = 1000 * wavelength
-    unit = "lm" if any(LUMENS.search(" ".join(words)) for words in head) else "W"
-    return RaySet(scale * table[:, :3], table[:, 3:6], table[:, 6], unit, wavelength)
+    unit: Unit = "lm" if any(LUMENS.search(" ".join(words)) for words in head) else "W"
+    rows = table.astype(np.float32)
+    position = (scale * table[:, :3]).astype(np.float32)
+    if wavelength is not None:
+        wavelength = wavelength.astype(np.float32)
+    return RaySet(position, rows[:, 3:6], rows[:, 6], unit, wavelength)
 
 
 def _is_row(words: list[str]) -> bool:
