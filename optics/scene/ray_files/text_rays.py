@@ -49,14 +49,13 @@ def read_text_rays(path: Path, data: memoryview) -> RaySet:
     table = _table(path, [line for line in lines[first:] if not COMMENT.match(line[1][0])])
     head = [words for _, words in lines[:first]]
     scale = _scale(path, head, len(table))
-    wavelength = table[:, COLUMNS] if table.shape[1] == WITH_WAVELENGTH else None
-    if wavelength is not None and wavelength.max() <= LONGEST_UM:
-        wavelength = 1000 * wavelength
     unit: Unit = "lm" if any(LUMENS.search(" ".join(words)) for words in head) else "W"
     rows = table.astype(np.float32)
     position = (scale * table[:, :3]).astype(np.float32)
-    if wavelength is not None:
-        wavelength = wavelength.astype(np.float32)
+    wavelength = None
+    if table.shape[1] == WITH_WAVELENGTH:
+        nm = 1000 if table[:, COLUMNS].max() <= LONGEST_UM else 1
+        wavelength = (nm * table[:, COLUMNS]).astype(np.float32)
     return RaySet(position, rows[:, 3:6], rows[:, 6], unit, wavelength)
 
 
