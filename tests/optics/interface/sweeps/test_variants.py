@@ -16,7 +16,7 @@ from optics.exchange.results import fingerprint
 from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 from optics.interface.sweeps.variant_work import Shared, Work, designed
 from optics.interface.sweeps.variants import all_variants, checked_ranges, value_list
-from tests.optics.interface.sweeps.cases import problem
+from tests.optics.interface.sweeps.cases import PICTURE, problem
 
 
 def variants(given, **ranges):
