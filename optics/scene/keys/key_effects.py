@@ -22,8 +22,9 @@ def require_effects(record: Record, prefix: str = "", root: Record | None = None
     """
     root = root or record
     for f in fields(record):
-        value, key = getattr(record, f.name), prefix + f.name
-        if is_dataclass(value):
+        value: Any = getattr(record, f.name)
+        key = prefix + f.name
+        if is_dataclass(value) and not isinstance(value, type):
             require_effects(value, f"{key}.", root)
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             for k, table in enumerate(value):

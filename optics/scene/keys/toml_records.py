@@ -58,7 +58,7 @@ def option(
     example : of a number, for messages; None is the default, or one within the limits.
     instead : the key to set where this one has no effect, if there is one.
     """
-    limits = dict(choices=choices, low=low, high=high, above=above, size=size, note=note)
+    limits: dict[str, Any] = dict(choices=choices, low=low, high=high, above=above, size=size, note=note)
     limits |= dict(infinite=infinite, picture=picture, auto=auto, zero=zero)
     limits |= dict(only=only or {}, instead=instead, example=example)
     return field(default=default, metadata=limits)

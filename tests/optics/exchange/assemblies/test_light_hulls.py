@@ -18,7 +18,7 @@ SOURCES = {
     "round beam": ("tophat_circle", {}),
     "sun": ("tophat_square", {"source.divergence_profile": "sun"}),
     "gaussian": ("tophat_square", {"source.divergence": 1.0, "source.divergence_profile": "gaussian"}),
-    "point": ("point", {"target.kind": "tophat"}),
+    "point": ("point", {"target.kind": "tophat", "target.image": ""}),
     "lambertian": ("extended", {}),
     "curved front": ("lamp", {}),
     "far field": ("far_field", {}),

@@ -38,7 +38,8 @@ def test_source_and_screen_stand_in_their_places_as_thin_parts(row, tmp_path, ch
 
 def test_each_of_several_sources_is_a_part_at_its_place(row, tmp_path):
     array = {"columns": 2, "rows": 1, "pitch": (9.0, 9.0)}
-    of_four = row.problem.with_(**{"source.array": array, "source.position": (3.0, 0.0, -45.0)})
+    place = {"source.distance": 2.0, "source.position": (3.0, 0.0, -45.0)}
+    of_four = row.problem.with_(**{"source.array": array}, **place)
     system, path = OpticalSystem(of_four), tmp_path / "staged.step"
     assert failing(export_scene(system, system.lens, path, staged=True)) == []
     places = {part.name: part.pose.shift.tolist() for part in read_scene(path) if "source" in part.name}

@@ -23,7 +23,8 @@ SOURCES = {
     "area": GLOWING,
     "area in a cone": GLOWING | {"source.half_angle": 40.0, "source.profile": "gaussian"},
     "picture that glows": GLOWING | {"source.profile": "image", "source.image": "picture.png"},
-    "area elsewhere": GLOWING | {"source.position": [2.0, 1.0, -7.0], "source.tilt": [20.0, 0.0, 30.0]},
+    "area elsewhere": GLOWING
+    | {"source.distance": 2.0, "source.position": [2.0, 1.0, -7.0], "source.tilt": [20.0, 0.0, 30.0]},
     "three areas": GLOWING
     | {"source.array.columns": 3, "source.array.rows": 1, "source.array.pitch": [2.0, 1.0]},
     "luminaire": {

@@ -56,6 +56,7 @@ def test_an_led_stands_where_the_point_was_or_where_it_is_said(tmp_path):
 
 def test_a_lamp_stands_where_a_placed_source_was_with_all_of_its_flux(tmp_path):
     placed = POINT | {"source.position": [3.0, 0.0, -25.0], "source.weight": 0.5}
+    del placed["source.distance"]
     led = other_source("led:1mm", problem_of(tmp_path, placed))
     assert (led.position, led.flux, led.weight) == ((3.0, 0.0, -25.0), 1.5, 1.0)
     array = {"source.array.columns": 2, "source.array.rows": 2, "source.array.pitch": [2.0, 2.0]}
@@ -66,7 +67,8 @@ def test_a_lamp_stands_where_a_placed_source_was_with_all_of_its_flux(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "turned", [{}, {"source.position": [0.0, 90.0, 0.0], "source.tilt": [90.0, 0.0, 0.0]}]
+    "turned",
+    [{}, {"source.distance": 2.0, "source.position": [0.0, 90.0, 0.0], "source.tilt": [90.0, 0.0, 0.0]}],
 )
 def test_a_lamp_before_a_mirror_stands_and_looks_as_the_own_light(turned):
     """Both ways the axis of the light meets the mirror's plane y = z in the origin."""

@@ -19,6 +19,10 @@ from tests.cases import EXAMPLES
 DISTANCES = {"target.distance": [200.0, 300.0, 400.0]}
 
 
+# what makes a picture of the region of the example
+PICTURE = {"target.kind": "image", "target.shape": "rectangle", "target.lit": [0.75, 0.75]}
+
+
 def problem(**changes):
     return load_problem(EXAMPLES / "tophat_circle.toml", changes)
 

@@ -18,6 +18,7 @@ from optics.interface.sweeps.sweep_views import _texts
 from optics.scene.problem import Problem
 from tests.optics.interface.sweeps.cases import (
     DISTANCES,
+    PICTURE,
     kept_lens,
     picky,
     png,
@@ -144,7 +145,7 @@ def test_files_travel_wherever_a_variant_names_them(by, tmp_path, whole):
     paths = [tmp_path / "dark.png", tmp_path / "bright.png"]
     for path, level in zip(paths, (10, 200)):
         path.write_bytes(png(level))
-    given = problem(**{"target.kind": "image", "target.image": str(paths[0])})
+    given = problem(**PICTURE, **{"target.image": str(paths[0])})
     tables = [replace(given.target, image=str(path)) for path in paths]
     ranges = {"target": tables} if whole else {"target.image": paths}
     found = optics.sweep(given, ranges, tmp_path / "out", workers=1)

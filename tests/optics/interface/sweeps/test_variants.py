@@ -16,7 +16,7 @@ from optics.exchange.results import fingerprint
 from optics.interface.sweeps.sweep_rows import Sweep, SweepRow
 from optics.interface.sweeps.variant_work import Shared, Work, designed
 from optics.interface.sweeps.variants import all_variants, checked_ranges, value_list
-from tests.optics.interface.sweeps.cases import problem
+from tests.optics.interface.sweeps.cases import PICTURE, problem
 
 
 def variants(given, **ranges):
@@ -84,7 +84,7 @@ def test_an_impossible_combination_is_a_variant_with_its_sentence():
 
 
 def test_a_missing_picture_is_named(tmp_path):
-    given = problem(**{"target.kind": "image", "target.image": str(tmp_path / "none.png")})
+    given = problem(**PICTURE, **{"target.image": str(tmp_path / "none.png")})
     with pytest.raises(UserError, match=r"cannot read .*none\.png: No such file"):
         variants(given, **{"lens.thickness": [10]})
 
@@ -203,7 +203,7 @@ def picture(tmp_path):
 
 
 def test_a_variant_is_that_design_and_its_picture_travels_by_content(picture):
-    given = problem(**SMALL, **{"target.kind": "image", "target.image": str(picture)})
+    given = problem(**SMALL, **PICTURE, **{"target.image": str(picture)})
     wanted = optics.design(given.with_(**{"target.distance": 250, "run.threads": 1}))
     shared = Shared(given, {str(picture): picture.read_bytes()})
     picture.unlink()
@@ -218,7 +218,7 @@ def test_a_variant_is_that_design_and_its_picture_travels_by_content(picture):
 def test_pictures_can_be_varied(picture, tmp_path):
     other = tmp_path / "other.png"
     Image.open(picture).transpose(Image.Transpose.FLIP_LEFT_RIGHT).save(other)
-    given = problem(**SMALL, **{"target.kind": "image", "target.image": str(picture)})
+    given = problem(**SMALL, **PICTURE, **{"target.image": str(picture)})
     ranges = {"target.image": [str(picture), str(other)]}
     found = optics.sweep(given, ranges, tmp_path / "out", workers=2)
     assert found.counts()["done"] == 2
