@@ -7,7 +7,7 @@ y = at it runs upwards and x to the right, as below the rear.
 
 import numpy as np
 
-from thbcad.checks import require_number, shown
+from thbcad.checks import require_number
 from thbcad.drawings.curves import (
     AXES,
     NAMES,
@@ -41,7 +41,7 @@ def plan_view(lens: Lens, seen_from: str, chord: float = 1e-3) -> View:
     Raises ValueError : another direction; a chord below 1e-8 mm; as `require_sound`.
     """
     if seen_from not in NAMES:
-        raise ValueError(f"seen_from must be 'front' or 'rear', got {shown(seen_from)}")
+        raise ValueError(f"seen_from must be 'front' or 'rear', got {seen_from!r}")
     require_number("chord", chord, least=LEAST_CHORD, finite=True)
     cut = cut_lens(require_sound(lens), None, None, None)
     if cut is not None:
@@ -187,5 +187,5 @@ def _rims(lens: Lens, along: int, chord: float) -> list[Piece]:
 
 def _axis_number(axis: str) -> int:
     if axis not in AXES:
-        raise ValueError(f"axis must be 'x' or 'y', got {shown(axis)}")
+        raise ValueError(f"axis must be 'x' or 'y', got {axis!r}")
     return AXES.index(axis)
