@@ -16,7 +16,7 @@ from thbcad.lens import Lens
 
 OF_THE_LIGHT = (
     *("min_over_mean", "min_over_max", "rsd"),
-    *("rel_l2", "contrast_error", "lit_efficiency", "stray"),
+    *("rel_l2", "contrast_error", "lit_efficiency", "stray", "beam_angle", "field_angle"),
 )  # keys of verify
 KEPT = "result"  # default of run.keep
 # defaults of earlier versions, whose results are still read

@@ -23,7 +23,12 @@ from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_numbers
 from optics.light.analysis.light_of_wavelengths import colour_metrics, light_of_plate, spectral_light
-from optics.light.analysis.photometric_metrics import photometric_metrics, uniformity_metrics, zone_metrics
+from optics.light.analysis.photometric_metrics import (
+    beam_metrics,
+    photometric_metrics,
+    uniformity_metrics,
+    zone_metrics,
+)
 from optics.light.blur import spot_rms
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
@@ -253,6 +258,8 @@ def delivered(
     found |= zone_metrics(system, screen, light)
     if system.target.as_picture:
         found |= contrast_error(found, target)
+    if system.target.far_field:
+        found["beam"] = beam_metrics(system, screen, shown_light, noise)
     if system.target.uniform_region is not None:
         found["uniformity"] = uniformity_metrics(system, shown_light, error, blur)
     return found

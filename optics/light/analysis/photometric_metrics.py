@@ -33,7 +33,7 @@ def photometric_metrics(
     """
     density, irradiance = system.density, light.irradiance
     if system.target.far_field:
-        found: dict[str, Any] = {"beam": _beam(system, screen, irradiance, light.error)}
+        found: dict[str, Any] = {"beam": beam_metrics(system, screen, irradiance, light.error)}
     else:
         mean = float(np.average(irradiance, weights=screen.projection()))
         found = {f"target_mean_{density.suffix}": density.factor * mean}
@@ -106,7 +106,9 @@ def uniformity_metrics(
     }
 
 
-def _beam(system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats) -> dict[str, float | None]:
+def beam_metrics(
+    system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats
+) -> dict[str, float | None]:
     """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
 
     intensity, error : (rows, columns); the error as a standard deviation.
