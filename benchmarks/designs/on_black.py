@@ -52,9 +52,7 @@ def problem_on_black(folder: Path, name: str, size: int, level: int) -> Problem:
     problem = load_problem(PEARL)
     freeform = replace(problem.lens.rear.freeform, z_freedom=AUTO, max_level=level)
     rear = replace(problem.lens.rear, freeform=freeform, radius=AUTO)
-    target = replace(
-        problem.target, image=str(path), encoding="linear", half_width=HALF, pixels=(size, size)
-    )
+    target = replace(problem.target, image=str(path), encoding="linear", half_width=HALF, pixels=(size, size))
     lens = replace(problem.lens, rear=rear, thickness=THICKNESS)
     return replace(problem, title=name, lens=lens, target=target)
 

@@ -101,7 +101,9 @@ PICTURES: dict[str, Shape] = {
     "thin lines": _strokes((((-0.3, -1), (-0.3, 1)), ((-1, 0.4), (1, 0.4)), ((-0.5, -1), (0.5, 1))), 0.01),
     "frame": lambda x, y: 1.0 * (abs(np.maximum(abs(x), abs(y)) - 0.885) < 0.015),
     "two far dots": _dots((0.8, 0.8, 0.05, 1.0), (-0.8, -0.8, 0.05, 0.1)),
-    "one pixel of 10 000": lambda x, y: 1.0 * ((np.floor(50 * (x + 1)) == 25) & (np.floor(50 * (y + 1)) == 66)),
+    "one pixel of 10 000": lambda x, y: (
+        1.0 * ((np.floor(50 * (x + 1)) == 25) & (np.floor(50 * (y + 1)) == 66))
+    ),
     "thirty dots": _sky(30),
     "lattice": _lattice,
     "spiral": _spiral,

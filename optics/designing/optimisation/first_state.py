@@ -53,7 +53,8 @@ def transport_start(
     """Return the start by optimal transport, or None where the run needs none.
 
     It needs none where the problem asks for a flat start, where the map asks for too much sag, where its
-    light is no better than that of the base surface, and where the state to go on from has no level before it.
+    light is no better than that of the base surface, and where the state to go on from has no level before
+    it.
     """
     if system.problem.optimizer.start == "flat":
         return None
@@ -79,10 +80,11 @@ def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
 
 
 def first_quality(system: OpticalSystem, backend: Backend, start: TransportStart) -> StartQuality | None:
-    """Return the quality of the first fit of a start; None where it is not known, and where z_freedom cuts
+    """Return the quality of a start on its finest mesh; None where it is not known, and where z_freedom cuts
     off so much that the run chooses otherwise."""
-    fit = first_fit(system, start)
-    return start_quality(system, backend, fit) if start.follows(fit) else None
+    if not start.follows(first_fit(system, start)):
+        return None
+    return start_quality(system, backend, start.finest_fit())
 
 
 def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:

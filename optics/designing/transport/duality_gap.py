@@ -21,8 +21,8 @@ from optics.base.runtime import Backend
 from optics.designing.transport.push_forward import push_forward
 from thbcad.checks import Floats
 
-# empty rows and columns in front of the blocks of each size in turn: with the second, borders of blocks of all
-# sizes do not meet where a checkerboard has its own; with the first they follow halves that are alike
+# empty rows and columns in front of the blocks of each size in turn: with the second, borders of blocks of
+# all sizes do not meet where a checkerboard has its own; with the first they follow halves that are alike
 IN_FRONT = (0, 0), (1, 0)
 
 
