@@ -73,7 +73,11 @@ def rounded_by_occt(lens, radius):
         fillets.Add(radius, edge)
     solid = explore(fillets.Shape(), TopAbs_SOLID)[0]
     faces = faces_of(solid)
-    optical = {k: form.coefficients[..., 2].mean() for k, form in enumerate(map(optical_form, faces)) if form}
+    forms = {k: form for k, form in enumerate(map(optical_form, faces)) if form is not None}
+    optical = {
+        k: form.vertex if isinstance(form, PlacedConic) else form.coefficients[..., 2].mean()
+        for k, form in forms.items()
+    }
     front, rear = sorted(optical, key=optical.get)
     names = ["front" if k == front else "rear" if k == rear else f"face {k}" for k in range(len(faces))]
     return Part(solid, names, faces)
