@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ def _strokes(lines: Sequence[Sequence[tuple[float, float]]], half: float) -> Sha
     def light(x: Floats, y: Floats) -> Floats:
         out = np.zeros(np.broadcast(x, y).shape)
         for line in lines:
-            for (a, b), (c, d) in zip(line[:-1], line[1:]):
+            for (a, b), (c, d) in pairwise(line):
                 u, v = c - a, d - b
                 along = np.clip(((x - a) * u + (y - b) * v) / (u * u + v * v), 0, 1)
                 out[np.hypot(x - a - along * u, y - b - along * v) < half] = 1.0

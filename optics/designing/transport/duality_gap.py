@@ -49,16 +49,16 @@ def _repair_cost(given: Sequence[Floats], taken: Sequence[Floats], fronts: Seque
     given : moments of the excess, (nx, ny) each: its light, times y', times |y'|^2 / 2 + (x - y') . y', times
         x - y'.  taken : of the lack: its light, times y, times |y|^2 / 2.
     """
-    cost = 0.0
+    cost, excess, lack = 0.0, np.array(given), np.array(taken)
     for front in cycle(fronts):
-        given, taken = (np.stack([_block_sums(moment, front) for moment in of]) for of in (given, taken))
-        both = np.minimum(given[0], taken[0])
-        gone, fed = (_part(moments, both) for moments in (given, taken))
+        excess, lack = (_block_sums(of, front) for of in (excess, lack))
+        both = np.minimum(excess[0], lack[0])
+        gone, fed = (_part(moments, both) for moments in (excess, lack))
         places = _ratio(fed[1:3], both)
         cost += float(np.sum(gone[3] + fed[3]) - np.sum(places * (gone[1:3] + gone[4:6])))
         if both.size == 1:
             break
-        given, taken = given - gone, taken - fed
+        excess, lack = excess - gone, lack - fed
     return cost
 
 
@@ -73,7 +73,10 @@ def _ratio(values: Floats, light: Floats) -> Floats:
 
 
 def _block_sums(values: Floats, front: int) -> Floats:
-    """Return sums over blocks of 2 x 2.  front : empty rows and columns before the first block."""
-    values = np.pad(values, [(front, (n + front) % 2) for n in values.shape])
-    rows = values[::2] + values[1::2]
-    return np.asarray(rows[:, ::2] + rows[:, 1::2])
+    """Return sums over blocks of 2 x 2 of the last two axes.
+
+    front : empty rows and columns before the first block.
+    """
+    values = np.pad(values, [(0, 0), *((front, (n + front) % 2) for n in values.shape[1:])])
+    rows = values[:, ::2] + values[:, 1::2]
+    return np.asarray(rows[:, :, ::2] + rows[:, :, 1::2])
