@@ -144,11 +144,11 @@ OWN_KEYS = {  # keys of SMALL that only some kinds have
 def toml_text(values):
     """Return TOML for {"table.key": value}; written without the package's own writer.
 
-    Keys that SMALL has, and a problem of another kind has not, are left out.
+    Keys that SMALL or DOME has, and a problem of another kind has not, are left out.
     """
     rows = {}
     for key, value in values.items():
-        if key in OWN_KEYS and value == SMALL[key]:
+        if key in OWN_KEYS and value in (SMALL[key], DOME.get(key)):
             other, kinds = OWN_KEYS[key]
             if isinstance(kind := values.get(other), str) and kind in KINDS and kind not in kinds:
                 continue

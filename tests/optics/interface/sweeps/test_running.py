@@ -266,7 +266,7 @@ def test_only_what_failed_is_tried_again(by, tmp_path):
 
 
 def test_a_picture_that_is_not_there_is_one_sentence(by, tmp_path):
-    missing = problem(**{"target.kind": "image", "target.image": str(tmp_path / "none.png")})
+    missing = problem(**PICTURE, **{"target.image": str(tmp_path / "none.png")})
     with pytest.raises(UserError, match=r"cannot read .*none.png: No such file"):
         optics.sweep(missing, DISTANCES, tmp_path / "out")
     assert not (tmp_path / "out").exists()
