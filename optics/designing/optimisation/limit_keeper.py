@@ -107,19 +107,17 @@ class LimitKeeper:
         if self._conics is None:
             moved, keys, cut_off = self._shapes.start(sags, penalty)
             return [moved], keys, cut_off
-        moved = self._shapes.moved(sags, penalty, self._conics)
-        starts = [self._conics, *([moved] if moved else [])]
-        return (
-            [*starts, *(near for start in starts for near in self._shapes.shifted(start, penalty))],
-            penalty.keys,
-            "",
-        )
+        near = self._shapes.moved(sags, penalty, self._conics)
+        starts = [self._conics, *([near] if near else [])]
+        ends = [end for start in starts for end in self._shapes.shifted(start, penalty)]
+        return [*starts, *ends], penalty.keys, ""
 
     @cached_property
     def _conics(self) -> Sags | None:
         """The conics within the limits that are nearest to the wanted surfaces, where these bend more than
         the limits allow."""
-        assert self._penalty is not None
+        if self._penalty is None:
+            return None
         bending = self._penalty.only(BENDING)
         if not bending.exceeded(_coefficients(self._wanted)):
             return None

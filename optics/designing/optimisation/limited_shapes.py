@@ -202,7 +202,7 @@ class LimitedShapes:
 
     def _distance(self, sags: Sags) -> SlopeDistance:
         shaped, lens = self._system.with_sags(self._lens, sags)
-        light = self._light and (self._light.x, self._light.y, self._light.weight)
+        light = None if self._light is None else (self._light.x, self._light.y, self._light.weight)
         return SlopeDistance(shaped.free_surfaces(lens), [*[None] * (len(sags) - 1), light])
 
     def _lifted(self, sags: Sags, penalty: ShapePenalty) -> tuple[list[Floats], Floats, float]:
