@@ -16,11 +16,11 @@ def test_all_light_before_a_small_rear_is_seen(tmp_path, backend, profile):
     none of it beyond the rim, and sums of 1e4 numbers leave 1e-12."""
     changes = {
         "source.profile": profile,
-        "source.sigma": [0.6, 0.6],
         "lens.rear.half_width": [7.97, 6.31],
         "lens.rear.radius": np.inf,
         "lens.rear.conic": 0.0,
     }
+    changes |= {"source.sigma": [0.6, 0.6]} if profile == "gaussian" else {}
     system = small_system(tmp_path, changes)
     *_, stage = stages(system, False)
     objective = stage_objective(system, system.lens, stage, system.target.light, ExactEngine(backend))
