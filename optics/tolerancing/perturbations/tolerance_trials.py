@@ -126,8 +126,6 @@ class _Trial:
         predicted = None
         if images is not None:
             predicted = rel_l2(images[0], self.judge.target), rel_l2(images[1], self.judge.target)
-        # no ray that lands with the error and without it tells a move where the error puts out the light
-        harms = any(missed(self.bounds, end) for end in (behind, ahead))
         tenth = None
         errors: tuple[float | None, float | None] = None, None
         if moves:
@@ -141,7 +139,7 @@ class _Trial:
             tenth=tenth,
             prediction_error=errors[0],
             derivative_error=errors[1],
-            allowed=self._allowed(tolerance, (behind, ahead)) if moves or harms else None,
+            allowed=self._allowed(tolerance, (behind, ahead)),  # what moves no light may lose some, if larger
             change=image - self.scaled,
             rise=(behind.rel_l2**2 + ahead.rel_l2**2) / 2 - self.here.rel_l2**2,
         )
