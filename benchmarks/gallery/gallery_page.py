@@ -45,21 +45,19 @@ INTRODUCTION = """\
 # Gallery
 
 Lenses with their light and the commands that make them, each from one short problem file. `make gallery`
-designs all, and writes this page.
+designs all.
 
-- The time is that of the whole command, from its start to its report, on the machines that
-  [benchmarks](benchmarks.md) names.
+- The time is from the start of the command to its report ([machines](benchmarks.md)).
 - The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.
-- U0 is the least over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
+- U0 is the minimum over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
 - Long distances are drawn shorter than they are, fine relief steeper.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact
-surfaces [lens.json](result/lens.json). Code hosts show the text of HTML files: save such a file, and open
-it in a browser.
+surfaces [lens.json](result/lens.json). Save an HTML file to open it in a browser.
 """
 
 

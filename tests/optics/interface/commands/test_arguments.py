@@ -37,11 +37,11 @@ def test_the_bare_command_shows_the_way(capsys):
     captured = capsys.readouterr()
     first, *steps = captured.out.splitlines()
     assert (first.split()[0], len(steps), captured.err) == ("thbcad", 5, "")
-    asked = [parsed(line.split("  ")[1].split()[1:]) for line in steps if line.startswith("  thbcad")]
+    asked = [parsed(line.split("  ")[1].split()[1:]) for line in steps[:3]]
     assert [options.command for options in asked] == ["new", "check", "design"]
     assert asked[2].live
     assert "exports/my_lens/report.html" in steps[3]
-    assert (ROOT / steps[4].split()[0]).exists()
+    assert steps[4].startswith("  thbcad --help  ")
 
 
 def test_the_help_lists_all_commands_and_exit_codes(capsys):
