@@ -41,20 +41,31 @@ class FileNumbers:
 
     def row(self, count: int, what: str) -> Floats:
         """Return the next `count` numbers; that they are there is known before memory is taken."""
-        left = len(self._words) - self._next
-        if count > left:
+        if count > self.left:
             raise UserError(
-                f"its header promises {count} {what}, and {left} numbers are left; it may be truncated"
+                f"its header promises {count} {what}, and {self.left} numbers are left; it may be truncated"
             )
         words = self._words[self._next : self._next + count]
         self._next += count
         return np.array([parsed(word, what) for word in words])
 
+    @property
+    def left(self) -> int:
+        """How many words are left."""
+        return len(self._words) - self._next
+
+    def ascending(self, count: int) -> Floats:
+        """Return the next `count` numbers without taking them; none unless each exceeds the one before."""
+        try:
+            values = FileNumbers(self._words[self._next : self._next + count]).row(count, "numbers")
+        except UserError:
+            return np.empty(0)
+        return values if (np.diff(values) > 0).all() else np.empty(0)
+
     def require_end(self) -> None:
         """Raise UserError where numbers follow that the header does not promise."""
-        left = len(self._words) - self._next
-        if left:
-            raise UserError(f"{left} more numbers follow than its header promises; its counts are wrong")
+        if self.left:
+            raise UserError(f"{self.left} more numbers follow than its header promises; its counts are wrong")
 
 
 def parsed(word: str, what: str) -> float:

@@ -27,6 +27,7 @@ FIRST_YEAR = 1986  # of the standard
 LATER = 2002  # from then on something else is in the place of the ballast-lamp factor
 COMMA = re.compile(r"[\d.+-]+,\d+")
 DECIMAL_COMMA = re.compile(r"(?<![\d.,])0,\d|\d,(?!\d{3}(?!\d))\d")  # such a comma marks no thousands
+LOWEST, HORIZON = (-90.0, 0.0), 90.0  # degrees, where vertical angles begin; HORIZON: all light goes up
 SIDES = ("width", "length", "height")
 FEET, METRES = 304.8, 1000.0  # mm
 DECIMALS = 4  # of what photompy writes: it writes smaller numbers with an exponent
@@ -86,6 +87,7 @@ def _read(tilt: str, year: int, text: str) -> Luminaire:
     kind = numbers.whole("photometric type", 1, 3)
     unit = (FEET, METRES)[numbers.whole("units type", 1, 2) - 1]
     width, length, height = (unit * numbers.number(f"luminous {side}") for side in SIDES)
+    _require_ballast_record(numbers, verticals, horizontals)
     factor *= _positive(numbers, "ballast factor")
     if year >= LATER:
         numbers.number("file generation type")
@@ -166,6 +168,21 @@ def _factor_upright(tilt: str, numbers: FileNumbers) -> float:
     count = numbers.whole("number of tilt angles", 1, MOST_ANGLES)
     angles, factors = (numbers.row(count, f"tilt {what}") for what in ("angles", "factors"))
     return float(np.interp(0.0, angles, factors))
+
+
+def _require_ballast_record(numbers: FileNumbers, verticals: int, horizontals: int) -> None:
+    """Raise UserError where vertical angles seem to follow next.
+
+    They ascend from 0 or -90, or from 90 where just the horizontal angles and candela values follow.
+    """
+    angles = numbers.ascending(verticals)
+    alone = numbers.left == verticals + horizontals + verticals * horizontals
+    if angles.size and (angles[0] in LOWEST or (alone and angles[0] == HORIZON)):
+        raise UserError(
+            f"{verticals} ascending numbers from {angles[0]:g} to {angles[-1]:g} are where its ballast "
+            "factor must be; the line with ballast factor, future use and input watts may be missing: add "
+            "it before the vertical angles, such as 1 1 0"
+        )
 
 
 def _positive(numbers: FileNumbers, what: str) -> float:

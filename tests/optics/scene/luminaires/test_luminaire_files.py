@@ -330,6 +330,10 @@ def cut(text, count):
     return " ".join(text.split(" ")[:-count])
 
 
+def without_ballast(text):
+    return text.replace(" 1 1 10\n", "\n")
+
+
 BAD = {
     "empty": ("", "is empty"),
     "zeros": (b"IES\0\0", "is no text"),
@@ -347,6 +351,19 @@ BAD = {
     "ies: infinite": (ies_text(multiplier="inf"), "candela multiplier must be finite"),
     "ies: a dark multiplier": (ies_text(multiplier=0), "multiplier must be greater than 0"),
     "ies: a negative ballast": (ies_text(ballast=-1), "ballast factor must be greater than 0"),
+    "ies: no line with the ballast factor": (
+        without_ballast(ies_text()),
+        "3 ascending numbers from 0 to 90 are where its ballast factor must be; the line with ballast "
+        "factor, future use and input watts may be missing: add it before the vertical angles, such as 1 1 0",
+    ),
+    "ies: the same of light that goes up": (
+        without_ballast(ies_text(gammas=(90, 120, 180))),
+        "3 ascending numbers from 90 to 180 are where its ballast factor must be",
+    ),
+    "ies: ends early, after rising numbers": (
+        ies_text(ballast=0.9, watts=50, candela=()),
+        "promises 3 candela values, and 0 numbers are left",
+    ),
     "ies: negative light": (ies_text(candela=((100, -1, 0),)), "must not be negative, got -1 cd"),
     "ies: dark": (ies_text(candela=((0, 0, 0),)), "flux of a luminaire must be"),
     "ies: light beyond numbers": (ies_text(multiplier=1e308), "candela must be finite"),
