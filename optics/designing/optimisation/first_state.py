@@ -80,10 +80,14 @@ def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
 
 
 def first_quality(system: OpticalSystem, backend: Backend, start: TransportStart) -> StartQuality | None:
-    """Return the quality of a start on its finest mesh; None where it is not known, and where z_freedom cuts
-    off so much that the run chooses otherwise."""
-    if not start.follows(first_fit(system, start)):
-        return None
+    """Return the quality of a start on its first mesh, or, where it is poor there, on the finest.
+
+    None where it is not known, and where z_freedom cuts off so much that the run chooses otherwise.
+    """
+    fit = first_fit(system, start)
+    quality = start_quality(system, backend, fit) if start.follows(fit) else None
+    if quality is None or not quality.poor:
+        return quality
     return start_quality(system, backend, start.finest_fit())
 
 
