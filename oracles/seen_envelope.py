@@ -27,7 +27,7 @@ def sampled_lenses(system, samples=SAMPLES):
     points = []
     for side, vertex in (("front", 0.0), ("rear", lens.thickness)):
         surface = getattr(lens, side)
-        x, y = np.meshgrid(*(h * at for h in surface.half_width))
+        x, y = places(surface.half_width, surface.outline.corners, at)
         freedom = freeforms[side].freedom if side in freeforms else 0.0
         for shift in {-freedom, freedom}:
             points.append(np.stack([x, y, vertex + surface.conic(x, y) + shift], axis=-1).reshape(-1, 3))
@@ -39,7 +39,8 @@ def sampled_faces(system, samples=SAMPLES):
     """Return the corners of the hull of 2 samples^2 points of all faces of the last mirror, (n, 3) mm."""
     problem, at = system.problem, np.linspace(-1, 1, samples)
     mirror, target = problem.element[-1], problem.target
-    x, y = np.meshgrid(*(h * at for h in mirror.face.half_width))
+    half = mirror.face.half_width
+    x, y = places(half, half if mirror.outline in ("round", "ellipse") else (0.0, 0.0), at)
     radius, constant = mirror.face.radius, mirror.face.conic
     r2 = x * x + y * y
     z = r2 / radius / (1 + np.sqrt(1 - (1 + constant) * r2 / radius**2))
@@ -49,6 +50,23 @@ def sampled_faces(system, samples=SAMPLES):
     middle = np.zeros(3) if target.far_field else np.array(target.position)
     points = Rotation.from_euler("XYZ", target.tilt, degrees=True).inv().apply(scene - middle)
     return points[ConvexHull(points).vertices] if freedom else points
+
+
+def places(half_width, corners, at):
+    """Return x and y of points of a surface: of a grid of its rectangle, and of the arcs of its rim.
+
+    Its outline is a rectangle whose corners are quarters of ellipses.  at : from -1 to 1
+    """
+    x, y = (a.ravel() for a in np.meshgrid(*(h * at for h in half_width)))
+    if not corners[0]:
+        return x, y
+    beyond = (np.maximum(abs(a) - (h - c), 0) / c for a, h, c in zip((x, y), half_width, corners))
+    inside, turn = np.hypot(*beyond) <= 1, np.pi * at
+    arcs = (
+        np.copysign(h - c, wave) + c * wave
+        for h, c, wave in zip(half_width, corners, (np.cos(turn), np.sin(turn)))
+    )
+    return [np.concatenate([a[inside], arc]) for a, arc in zip((x, y), arcs)]
 
 
 def seen(points, x, y, z):

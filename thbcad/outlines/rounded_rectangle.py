@@ -182,6 +182,24 @@ class Outline:
         reach: Floats = np.abs(u) * (hx - cx) + np.abs(v) * (hy - cy) + np.hypot(u * cx, v * cy)
         return reach
 
+    def circumscribed(self, sides: int) -> Floats:
+        """Return the corners of a convex polygon around the outline, counter-clockwise, (sides, 2) mm.
+
+        Every side touches the outline.  Side k faces the angle 2 pi k / sides where the outline is scaled to
+        half-widths of 1.  Of an ellipse its area is tan(pi / sides) sides / pi times the outline's.
+
+        sides : int, at least 3; for a multiple of 4 the polygon lies within the rectangle
+
+        >>> Outline((2.0, 1.0), (2.0, 1.0)).circumscribed(4).round(9).tolist()
+        [[2.0, 1.0], [-2.0, 1.0], [-2.0, -1.0], [2.0, -1.0]]
+        """
+        step = 2 * np.pi / sides
+        angles = step * np.arange(sides)
+        u, v = np.cos(angles), np.sin(angles)
+        reach = self.scaled((1.0, 1.0)).support(np.stack([u, v]))
+        along = (np.roll(reach, -1) - np.cos(step) * reach) / np.sin(step)  # from the touching side's middle
+        return np.stack([reach * u - along * v, reach * v + along * u], axis=1) * self.half_width
+
     def filled(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Return points of the rectangle moved along rays from the middle, its rim onto that of the outline,
         mm."""

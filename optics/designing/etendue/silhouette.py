@@ -1,9 +1,8 @@
 """How much of the light's way to every pixel the last element can fill: the silhouette of its envelope.
 
-The envelope holds every lens of a problem: conic +- z_freedom of front and rear, the straight edges between
-their rims, and the land of a body; of a mirror the face, wherever they lie before the target.  All light of
-the path leaves the last element of a row, and so comes from the convex hull B of its envelope, in the frame
-of the target.  A point x of the target sees B under the projected solid angle
+All light of the path leaves the last element of a row, and so comes from the convex hull B of its envelope
+(`etendue.envelope`), in the frame of the target.  A point x of the target sees B under the projected solid
+angle
 
     P(x) = integral of cos(theta) dOmega = 1/2 sum over edges of angle(a, b) (a x b)_z / |a x b|
 
@@ -38,20 +37,15 @@ from math import ceil, hypot, isqrt, pi
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from optics.scene.problem import freedom_of
+from optics.designing.etendue.envelope import SIGNS, envelope, points_within
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, body_options, pose_of
+from optics.scene.system import OpticalSystem, pose_of
 from thbcad.checks import Floats
-from thbcad.lens import FreeformSurface
-from thbcad.moulds import LAND_STEP
 from thbcad.poses import IDENTITY, Pose
 
-CELLS = 17  # of a surface in each direction, over each of which a plane touches its conic; one at the vertex
 PART = 1 / 32  # of the least depth, the side of a part of a pixel: P is then 1 or 2 % too large
 POINTS = 1 << 18  # parts of pixels on a target, at most: below a second
-SAMPLES, NODES, LOOKED_AT = 33, 3, 8  # each way: of a surface, in a pixel, pixels on the target
-THIN = 1e-6  # of its half-width: the least freedom of a mirror's face, whose hull is a body then
-SIGNS = (1, 1), (1, -1), (-1, 1), (-1, -1)
+NODES, LOOKED_AT = 3, 8  # each way: in a pixel, pixels on the target
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
 
@@ -72,49 +66,6 @@ def pixel_etendue(system: OpticalSystem) -> Floats:
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
-def envelope(system: OpticalSystem) -> Floats:
-    """Return points whose convex hull holds all faces of the last element, in its frame, (n, 3) mm.
-
-    z_freedom must be known.
-    """
-    found = [_around(*face) for face in _last_faces(system)]
-    for face, z in _land(system):
-        found.append(np.array([[i * face.half_width[0], j * face.half_width[1], z] for i, j in SIGNS]))
-    points = np.concatenate(found)
-    return points[ConvexHull(points).vertices]
-
-
-def _last_faces(system: OpticalSystem) -> list[tuple[FreeformSurface, float, float]]:
-    """Return the faces of the last element that light meets: surface, z of its vertex, and freedom, mm."""
-    met = system.problem.faces_met
-    optic, used = met[-1].optic, {face.face for face in met if face.optic is met[-1].optic}
-    (lens,) = (body for other, body in system.elements(system.lens) if other is optic)
-    faces = [(lens.front, 0.0, freedom_of(optic.front)), (lens.rear, lens.thickness, freedom_of(optic.rear))]
-    if "rear" in used:
-        return faces
-    return [(lens.front, 0.0, max(freedom_of(optic.front), THIN * min(lens.front.half_width)))]
-
-
-def _land(system: OpticalSystem) -> list[tuple[FreeformSurface, float]]:
-    """Return the larger face of the last element's body with the z of its land, mm; none without land.
-
-    A land that is left to the program lies outside of the rim of the smaller face, which z_freedom moves.
-    """
-    options = body_options(system.problem.faces_met[-1].optic)
-    if options is None or not options.annulus:
-        return []
-    faces = _last_faces(system)
-    small = int(faces[1][0].half_width < faces[0][0].half_width)
-    surface, vertex, freedom = faces[small]
-    side, level = 2 * small - 1, options.land
-    if level is None:
-        nearest, farthest = (min(surface.half_width), 0.0), surface.half_width
-        rim = [nearest] if surface.outline.is_circle else [nearest, farthest]
-        outermost = max(side * float(surface.conic(*place)) for place in rim)
-        level = vertex + side * (outermost + freedom + LAND_STEP)
-    return [(faces[1 - small][0], level)]
-
-
 def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
     """Return the pose of the last element in a frame whose z goes through the target, and the target's z."""
     receiver = system.target.receiver
@@ -126,28 +77,6 @@ def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
 def _moved(points: Floats, pose: Pose) -> Floats:
     """Return points elsewhere, (n, 3)."""
     return np.asarray(pose.points(points.T)).T
-
-
-def _around(surface: FreeformSurface, vertex: float, freedom: float) -> Floats:
-    """Return points whose convex hull holds a surface with its freedom, (n, 3).
-
-    A conic lies on one side of its tangent planes, here those at the middles of cells, and on the other side
-    of what its four corners span: its height is convex for positive radii and concave for negative ones.
-    """
-    inward = 1.0 if surface.conic.radius > 0 else -1.0
-    x, y = (h * (2 * np.arange(CELLS + 1) / CELLS - 1) for h in surface.half_width)
-    middle = ((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
-    height, along_x, along_y = (surface.conic(*middle, d) for d in ((0, 0), (1, 0), (0, 1)))
-    a, b = (h / CELLS for h in surface.half_width)
-    found = []
-    for i in (-1, 1):
-        for j in (-1, 1):
-            tangent = vertex + height + i * a * along_x + j * b * along_y - inward * freedom
-            at = np.broadcast_arrays(middle[0] + i * a, middle[1] + j * b, tangent)
-            found.append(np.stack([c.ravel() for c in at], axis=1))
-            hx, hy = i * surface.half_width[0], j * surface.half_width[1]
-            found.append(np.array([[hx, hy, vertex + surface.conic(hx, hy) + inward * freedom]]))
-    return np.concatenate(found)
 
 
 def _seen(screen: Screen, points: Floats, z: float, mirrored: bool = True) -> Floats:
@@ -250,13 +179,13 @@ def _tangents(screen: Screen) -> tuple[Floats, Floats]:
 def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
-    The envelope is sampled from within, by points of its surfaces within their outlines; its bound has
-    their whole rectangles.  Gauss's rule takes means over pixels.
+    The envelope is sampled from within, by points of its surfaces within their outlines.  Gauss's rule takes
+    means over pixels.
 
     etendue : (rows, columns), mm^2 sr, the bound
     """
     (pose, z), screen = _before_target(system), system.target.screen()
-    points = _moved(_within(system), pose)
+    points = _moved(points_within(system), pose)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     rows, columns = (np.unique(np.linspace(0, n - 1, LOOKED_AT).round().astype(int)) for n in screen.shape)
     along = (
@@ -273,15 +202,3 @@ def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
     seen = seen.reshape(len(rows), NODES, len(columns), NODES)
     filled = np.einsum("injm,n,m->ij", seen, weights, weights) / 4 * screen.pixel_area
     return float((etendue[np.ix_(rows, columns)] / filled).max())
-
-
-def _within(system: OpticalSystem) -> Floats:
-    """Return points of all last elements: of their faces at both ends of z_freedom, (n, 3) mm."""
-    at, points = np.linspace(-1, 1, SAMPLES), []
-    ends = [(face, vertex + i * freedom, 1) for face, vertex, freedom in _last_faces(system) for i in (-1, 1)]
-    for surface, z, curved in [*ends, *((face, z, 0) for face, z in _land(system))]:
-        x, y = np.meshgrid(*(h * at for h in surface.half_width))
-        if not surface.outline.is_rectangle:
-            x, y = surface.outline.filled(x, y)
-        points.append(np.stack([x, y, z + curved * surface.conic(x, y)], axis=-1).reshape(-1, 3))
-    return np.concatenate(points)

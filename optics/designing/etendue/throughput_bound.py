@@ -28,13 +28,14 @@ from math import inf, isinf, pi
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from optics.designing.etendue.envelope import rim_around
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Plane
 from optics.scene.sources import Profile, Rays
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
-from thbcad.outlines import area_rule
+from thbcad.outlines import Outline, area_rule
 
 RAYS = (512, 256)  # for the fraction of the light that meets the front
 NODES = 8  # of Gauss's rule over a piece of the rear aperture, in each direction
@@ -167,17 +168,35 @@ def spread(system: OpticalSystem) -> Floats:
     target, rear = system.problem.target, system.problem.optic.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
-    corner = float(system.lens.rear.conic(*rear.half_width))
+    surface = system.lens.rear
+    rim = max((float(z) for z in surface.conic(*rim_around(surface).T)), key=abs)
     nearest, farthest = (
-        system.problem.throw - f(0.0, corner) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
+        system.problem.throw - f(0.0, rim) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))
     )
-    across, up = (
-        np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n) - r, 0.0)
-        for h, n, r in zip(target.half_width, target.pixels, rear.half_width)
+    x, y = (
+        np.maximum(h * (np.abs((2 * np.arange(n) + 1) / n - 1) - 1 / n), 0.0)
+        for h, n in zip(target.half_width, target.pixels)
     )
-    lateral = up[:, None] ** 2 + across[None, :] ** 2
+    lateral = _square_distance(surface.outline, x[None, :], y[:, None])
     distance = np.clip(np.sqrt(lateral / 2), nearest, farthest)
     return (distance**2 + lateral) ** 1.5 / distance
+
+
+def _square_distance(outline: Outline, x: Floats, y: Floats) -> Floats:
+    """Return the square of the distance of points from an outline, or a little less, mm^2.
+
+    It is at least that of the rectangle, and that of the line that touches the outline across the way to p,
+    |p| - h(p / |p|) with the support function h; of a circle it is just this.
+
+    x, y : mm, not negative; they broadcast
+    """
+    across, up = (np.maximum(a - h, 0.0) for a, h in zip((x, y), outline.half_width))
+    square: Floats = up**2 + across**2
+    if outline.is_rectangle:
+        return square
+    length = np.hypot(x, y)
+    direction = np.stack(np.broadcast_arrays(x, y)) / np.where(length > 0, length, 1.0)
+    return np.maximum(square, np.maximum(length - outline.support(direction), 0.0) ** 2)
 
 
 def _corner(x: Floats, y: Floats) -> Floats:

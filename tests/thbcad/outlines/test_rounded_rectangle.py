@@ -119,6 +119,32 @@ def test_a_chord_ends_where_the_gauge_is_one(corners):
     assert outline.gauge(*(o[:, None] + ends * d[:, None])) == pytest.approx(np.ones_like(ends), abs=1e-12)
 
 
+@examples(40)
+@given(outlines(), st.sampled_from([3, 4, 7, 64]))
+def test_a_circumscribed_polygon_touches_the_outline_with_every_side(outline, sides):
+    """All of the rim lies to the left of all sides, and some of it on each."""
+    corners = outline.circumscribed(sides) / outline.half_width
+    t = np.linspace(-1, 1, 2001)
+    one = np.ones_like(t)
+    square = np.hstack([(t, -one), (one, t), (-t, one), (-one, -t)]) * np.array(outline.half_width)[:, None]
+    rim = np.array(outline.filled(*square)) / np.array(outline.half_width)[:, None]
+    angles = 2 * np.pi / sides * np.arange(sides)
+    outward = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for normal, start, end in zip(outward, np.roll(corners, 1, axis=0), corners):
+        reach = (normal @ rim).max()
+        assert normal @ start == pytest.approx(reach, abs=2e-3)
+        assert normal @ end == pytest.approx(reach, abs=2e-3)
+        assert reach <= normal @ end + 1e-12
+    if sides % 4 == 0:
+        assert np.abs(corners).max() <= 1 + 1e-12
+
+
+def test_a_polygon_around_an_ellipse_has_its_area_in_closed_form():
+    x, y = Outline((3.0, 2.0), (3.0, 2.0)).circumscribed(64).T
+    area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
+    assert area == pytest.approx(6 * 64 * np.tan(np.pi / 64), rel=1e-13)
+
+
 @examples(20)
 @given(outlines(), st.floats(0, 2 * np.pi))
 def test_the_support_is_that_of_the_farthest_point_of_the_rim(outline, angle):

@@ -119,6 +119,25 @@ def test_pixels_see_at_most_the_area_of_the_rear(tmp_path):
     assert spread(aside)[0, -1] == pytest.approx((61.0**2 + edge**2) ** 1.5 / 61.0)
 
 
+def test_light_aside_of_a_round_lens_comes_farther_than_of_its_square(tmp_path):
+    """The distance of a pixel's nearest corner from a circle, and of one from the corner of a rectangle."""
+    place = {"target.half_width": [400.0, 300.0], "target.pixels": [40, 30], "lens.rear.radius": 40.0}
+    square, disk = (
+        small_system(tmp_path, place | {"lens.outline": name, "lens.rear.conic": -1.0})
+        for name in ("rectangle", "round")
+    )
+    # the rear is 1 mm free, and rises from its vertex by r^2 / 80 at r^2 = 200 or 100; the polygon around a
+    # circle reaches 0.12 % farther
+    for system, aside, rim in (
+        (square, np.hypot(370.0, 270.0), 200 / 80),
+        (disk, np.hypot(380.0, 280.0) - 10.0, 1.25),
+    ):
+        far = 61.0
+        assert spread(system)[0, 0] == pytest.approx((far**2 + aside**2) ** 1.5 / far, rel=1e-12)
+        near = 60.0 - rim - 1.0
+        assert spread(system)[15, 20] == pytest.approx(near**2, rel=2e-4)
+
+
 def test_solid_angle_of_pixels_in_the_far_field(tmp_path):
     system = small_system(tmp_path, {"target.distance": float("inf"), "target.half_width": [30.0, 20.0]})
     total = (1 / spread(system)).sum() * system.target.screen().pixel_area
