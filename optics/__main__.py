@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import signal
 import sys
 from io import TextIOWrapper
@@ -20,7 +19,9 @@ def entry() -> None:
 
 
 def _run() -> int:
-    from optics.base.runtime import collect_rarely  # by now Ctrl-C ends the process with one line
+    import gc  # by now Ctrl-C ends the process with one line, also among these imports
+
+    from optics.base.runtime import collect_rarely  # the same
     from optics.interface.commands import main  # the same
 
     collect_rarely()

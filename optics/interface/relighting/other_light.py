@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from optics.scene.problem import (
     freedom_of,
     load_problem,
 )
-from optics.scene.system import OpticalSystem, index_at, pose_of, solvable_system, source_of
+from optics.scene.system import OpticalSystem, absorption_at, index_at, pose_of, solvable_system, source_of
 from thbcad.lens import Lens
 from thbcad.poses import Pose
 from thbcad.sags import Conic
@@ -32,7 +33,8 @@ from thbcad.sags import Conic
 def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -> Measurement:
     """Return what the lens of a system delivers in the light of another source.
 
-    Where that is designed for another wavelength, the lens has its index there, if material or indices tell.
+    In light of another wavelength the lens has its index and absorption there, if its material or its tables
+    give them.
 
     backend : of double precision.
 
@@ -47,8 +49,12 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
             index = index_at(optic, source.wavelength, own)
         except UserError:
             index = optic.known_index
-        if optic.index != index:
-            other = other.with_optic(optic, index=index)
+        absorption = optic.absorption
+        if optic.absorptions:
+            with suppress(UserError):  # of a table that does not reach this wavelength
+                absorption = absorption_at(optic, source.wavelength)
+        if (optic.index, optic.absorption) != (index, absorption):
+            other = other.with_optic(optic, index=index, absorption=absorption)
         if optic.called in shapes:
             shapes[optic.called] = replace(shapes[optic.called], index=index)
         if optic == system.problem.optic:

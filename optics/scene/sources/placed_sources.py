@@ -79,6 +79,10 @@ class PlacedSource(LightSource):
         tilt = degrees(acos(np.clip(self.pose.rotation[2, 2], -1.0, 1.0)))
         return Stack.around(self.corners), self.source.envelope()[1] + tilt
 
+    @property
+    def whole(self) -> LightSource:
+        return replace(self, source=self.source.whole)
+
     def without_extent(self) -> PlacedSource:
         return replace(self, source=self.source.without_extent())
 

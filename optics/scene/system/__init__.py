@@ -5,7 +5,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 if TYPE_CHECKING:
     from optics.scene.system.elements import TURNED, freeforms, lens_product, pose_of
     from optics.scene.system.geometry_search import nearest_geometry
-    from optics.scene.system.lens_material import index_at, indexing_material
+    from optics.scene.system.lens_material import absorption_at, index_at, indexing_material
     from optics.scene.system.made_bodies import body_checks, body_options
     from optics.scene.system.made_parts import (
         MadePart,

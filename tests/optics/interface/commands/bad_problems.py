@@ -114,7 +114,7 @@ PARTNERS = [
         "a ray file of a beam",
         {"source.file": "led.tm25ray"},
         "source.file",
-        'read by the kinds "rays" and "luminaire" only',
+        'set source.kind = "rays" or "luminaire"',
     ),
     (
         "rays of a file that is not there",
@@ -132,7 +132,7 @@ PARTNERS = [
         "a lamp that diverges",
         LAMP | {"source.divergence": 1.0},
         "source.divergence",
-        "has source.half_angle",
+        'has no effect with source.kind = "luminaire"',
     ),
     (
         "a Gaussian without its width",

@@ -179,7 +179,7 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
         ({"source.flux": -1.0}, "source.flux must be at least 1e-12"),
         ({"source.flux": 1e-13}, "source.flux must be at least 1e-12"),
         ({"source.profile": "gaussian"}, 'must be "uniform" or "round"'),
-        ({"source.divergence": 1.0}, "those of collimated light"),
+        ({"source.divergence": 1.0}, 'divergence has no effect with source.kind = "luminaire"'),
     ],
 )
 def test_what_does_not_go_together_is_one_sentence(lamp, more, words):

@@ -126,7 +126,11 @@ def acting(record):
     .map(acting)
     .map(lambda o: replace(o, merge=1)),  # few pixels refuse more
     refinement=record_within(Refinement),
-    verify=record_within(Verify).map(acting),
+    verify=record_within(Verify)
+    .map(acting)
+    .map(
+        lambda v: replace(v, beam_angle=Verify().beam_angle, field_angle=Verify().field_angle)
+    ),  # limits of light in the far field
     export=record_within(Export),
     run=record_within(Run),
 )
