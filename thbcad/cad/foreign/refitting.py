@@ -55,12 +55,23 @@ class Refit:
     def __repr__(self) -> str:
         faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
         parts = [f"{name}: {how}, {d:.2g} mm {'proven' if p else 'measured'}" for name, how, d, p in faces]
+        return f"Refit({'; '.join([*parts, *self._outside()])})"
+
+    def __str__(self) -> str:
+        """Return a sentence that says how each face is described, and how well."""
+        faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
+        parts = [
+            f"the {name} is a {how}, which the file's face meets within {d:.2g} mm ({'proven' if p else 'measured'})"
+            for name, how, d, p in faces
+        ]
+        return "; ".join([*parts, *self._outside()])
+
+    def _outside(self) -> list[str]:
+        """Return what lies outside the outline, in words; [] where nothing does."""
         apart = self.solid_volume - self.volume
-        if abs(apart) > VOLUME * self.solid_volume:
-            parts.append(
-                f"{apart:+.6g} mm^3 of the solid's {self.solid_volume:.6g} mm^3 lie outside the outline"
-            )
-        return f"Refit({'; '.join(parts)})"
+        if abs(apart) <= VOLUME * self.solid_volume:
+            return []
+        return [f"{apart:.6g} mm^3 of the solid's {self.solid_volume:.6g} mm^3 lie outside the outline"]
 
 
 class _Surface(NamedTuple):
