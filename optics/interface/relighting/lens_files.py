@@ -130,8 +130,8 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
         if distance <= 0:
             raise UserError(
                 f"the target, {target.distance:g} mm (target.distance) after a lens of {spec.thickness:g} mm "
-                f"(lens.thickness), lies within the lens of the file, which is {found.thickness:.6g} mm thick; "
-                "leave lens.thickness out to count target.distance from the rear of the file"
+                f"(lens.thickness), lies within the lens of the file, {found.thickness:.6g} mm thick; leave "
+                "lens.thickness out to count target.distance from the rear of the file"
             )
         changes["target.distance"] = distance
         note(

@@ -61,7 +61,8 @@ class Refit:
         """Return a sentence that says how each face is described, and how well."""
         faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
         parts = [
-            f"the {name} is a {how}, which the file's face meets within {d:.2g} mm ({'proven' if p else 'measured'})"
+            f"the {name} is a {how}, which the file's face meets within {d:.2g} mm "
+            f"({'proven' if p else 'measured'})"
             for name, how, d, p in faces
         ]
         return "; ".join([*parts, *self._outside()])
