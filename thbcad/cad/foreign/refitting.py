@@ -15,7 +15,7 @@ from OCP.TopoDS import TopoDS_Shape
 from thbcad.cad.exchange import solid_volume
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.face_groups import INTEGRAL
-from thbcad.cad.foreign.glass_checks import VOLUME, require_same_glass, require_whole
+from thbcad.cad.foreign.glass_checks import VOLUME, cut_by_walls, require_same_glass, require_whole
 from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame, is_one_surface
 from thbcad.cad.foreign.spline_graphs import spline_graph
 from thbcad.cad.foreign.surface_fits import MEASURED, GlassHeights, conic_of, fitted_surface
@@ -93,8 +93,29 @@ def refitted(
     """Return the Refit of front and rear of a solid in their frame, as `ForeignLens.refit`."""
     require_number("tolerance", tolerance, above=0, finite=True)
     require_whole(faces)
+    outlines, own, walls = _outlines(faces), solid_volume(solid, INTEGRAL), surveyed(solid)
+    fits = _surfaces(frame, thickness, faces, outlines, tolerance)
+    lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
+    volume = lens.volume()
+    if volume > (1 + VOLUME) * own or cut_by_walls(frame, walls, faces, lens):  # as of a lens with a flange
+        fits = _surfaces(frame, thickness, faces, _smaller(outlines), tolerance)
+        lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
+        volume = lens.volume()
+    require_same_glass(frame, walls, faces, lens, (volume, own))
+    _, deviations, hows, proven = zip(*fits)
+    return Refit(lens, deviations, hows, proven, volume, own)
+
+
+def _surfaces(
+    frame: Pose,
+    thickness: float,
+    faces: Sequence[OpticalFace],
+    outlines: Sequence[Outline],
+    tolerance: float,
+) -> list[_Surface]:
+    """Return the surfaces of front and rear within their outlines."""
     surfaces = []
-    for name, face, outline, vertex in zip(("front", "rear"), faces, _outlines(faces), (0.0, thickness)):
+    for name, face, outline, vertex in zip(("front", "rear"), faces, outlines, (0.0, thickness)):
         slack = CENTRED if face.outline == "rectangle" else CHAMFERED * float(face.half_width.max())
         if np.abs(face.centre).max() > slack:
             x, y = face.centre
@@ -103,11 +124,14 @@ def refitted(
                 "rear on one axis"
             )
         surfaces.append(_surface(GlassHeights(frame, face, vertex, outline), tolerance, name))
-    (front, rear), deviations, hows, proven = zip(*surfaces)
-    lens = Lens(front, rear, thickness, index)
-    volume, own = lens.volume(), solid_volume(solid, INTEGRAL)
-    require_same_glass(frame, surveyed(solid), faces, lens, (volume, own))
-    return Refit(lens, deviations, hows, proven, volume, own)
+    return surfaces
+
+
+def _smaller(outlines: Sequence[Outline]) -> list[Outline]:
+    """Return the largest outline of the same proportions of corners that lies within both, twice."""
+    a, b = np.min([outline.half_width for outline in outlines], axis=0).tolist()
+    share_x, share_y = outlines[0].relative_corners
+    return [Outline((a, b), (share_x * a, share_y * b))] * 2
 
 
 def _outlines(faces: Sequence[OpticalFace]) -> list[Outline]:

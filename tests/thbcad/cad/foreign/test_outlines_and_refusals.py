@@ -21,7 +21,7 @@ from tests.cases import slow_unless
 from tests.thbcad.cad.foreign.cases import Meridian, RoundLens, integral
 from tests.thbcad.drawings.cases import WAVY
 from tests.thbcad.io.cases import written
-from thbcad import read_lens_solid, to_build123d
+from thbcad import Conic, FreeformSurface, Lens, read_lens_solid, to_build123d, write_step
 from thbcad.cad.exchange import explore, solid_volume
 from thbcad.cad.shapes import geom_surface
 from thbcad.lens import placed_surfaces
@@ -196,6 +196,38 @@ def test_a_round_lens_cut_off_the_axis_is_fitted(tmp_path):
     assert refit.solid_volume == pytest.approx(integral(mean_thickness, 5.0), rel=1e-6)
     x = np.linspace(-4.9, 4.9, 9)
     assert refit.lens.front(x, 0 * x) == pytest.approx(sphere(FRONT, 4 + x) - sphere(FRONT, 4), abs=1e-7)
+
+
+def plano_convex(outline):
+    """What a prism along z leaves of a ball of radius 20 mm above the plane z = 0, 3.5 mm high."""
+    return outline & bd.Pos(0, 0, -16.5) * bd.Sphere(20) & bd.Pos(0, 0, 10) * bd.Box(50, 50, 20)
+
+
+RIM_HEIGHT = 20 * (1 - np.sqrt(1 - (5 / 20) ** 2))  # of the cap of the ball over a disk of radius 5 mm
+PLANO_CONVEX = np.pi * (25 * (3.5 - RIM_HEIGHT) + RIM_HEIGHT**2 * (20 - RIM_HEIGHT / 3))  # mm^3
+
+
+@pytest.mark.parametrize("height", [1.0, 2.0])
+def test_a_flange_lies_outside_the_outline_of_the_smaller_face(tmp_path, height):
+    """A cone from rim to rim would hold more glass than the solid over the lower flange, and air in both."""
+    solid = plano_convex(bd.Cylinder(5, 40)) + bd.Pos(0, 0, height / 2) * bd.Cylinder(7, height)
+    refit = read_lens_solid(written(solid.wrapped, tmp_path / "lens.step")).refit(1.5)
+    assert refit.lens.front.half_width == pytest.approx((5, 5), rel=1e-9)
+    assert refit.lens.rear.half_width == pytest.approx((5, 5), rel=1e-9)
+    assert refit.volume == pytest.approx(PLANO_CONVEX, rel=1e-8)
+    assert refit.solid_volume - refit.volume == pytest.approx(np.pi * (49 - 25) * height, rel=1e-6)
+    assert f"{np.pi * 24 * height:.6g} mm^3 of the solid's" in str(refit)
+
+
+def test_a_drafted_wall_stays_one(tmp_path):
+    front, rear = (FreeformSurface((r, r), Conic(R), corners=(r, r)) for r, R in ((7, np.inf), (5, -20.0)))
+    path = tmp_path / "lens.step"
+    write_step(Lens(front, rear, 3.5, 1.5), path)
+    refit = read_lens_solid(path).refit(1.5)
+    sizes = [surface.half_width[0] for _, surface, _ in refit.lens.faces]
+    assert sizes == pytest.approx([7, 5], rel=1e-9)
+    cone = np.pi * (49 + 35 + 25) * (3.5 - RIM_HEIGHT) / 3
+    assert refit.volume == pytest.approx(cone + PLANO_CONVEX - 25 * np.pi * (3.5 - RIM_HEIGHT), rel=1e-8)
 
 
 def hexagon():
