@@ -21,7 +21,7 @@ from thbcad.cad.foreign.spline_graphs import spline_graph
 from thbcad.cad.foreign.surface_fits import MEASURED, GlassHeights, conic_of, fitted_surface
 from thbcad.cad.foreign.surveyed_faces import surveyed
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred
-from thbcad.checks import EPS, require_number
+from thbcad.checks import EPS
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
@@ -91,7 +91,6 @@ def refitted(
     tolerance: float,
 ) -> Refit:
     """Return the Refit of front and rear of a solid in their frame, as `ForeignLens.refit`."""
-    require_number("tolerance", tolerance, above=0, finite=True)
     require_whole(faces)
     outlines, own, walls = _outlines(faces), solid_volume(solid, INTEGRAL), surveyed(solid)
     fits = _surfaces(frame, thickness, faces, outlines, tolerance)
