@@ -113,7 +113,7 @@ def _speaking_of(path: Path) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _found(path: Path, unit: str, shape: TopoDS_Shape) -> ForeignLens:

@@ -15,10 +15,13 @@ from thbcad.cad.foreign.optical_surface import OpticalFace, in_frame
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
 from thbcad.lens import Lens
+from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
 AREA = VOLUME = 1e-6  # relative: how well areas and volumes must agree
 RIM = 1e-3  # relative: faces that reach less far over or under the outline begin at it, as chamfers do
+
+WAYS = 8  # steps to a point's share of the way along a wall, whose height varies round the rim
 
 
 def require_whole(faces: Sequence[OpticalFace]) -> None:
@@ -70,15 +73,20 @@ def cut_by_walls(
 
     solid : its faces.
     """
-    for _, points, gauges in _walls(frame, solid, faces, lens):
-        gauges = np.maximum(gauges, RIM)
-        x, y, z = points.T
-        low, high = (
-            vertex + surface(x / gauge, y / gauge) for (_, surface, vertex), gauge in zip(lens.faces, gauges)
-        )
-        share = (z - low) / (high - low)  # of the way along the wall, from the front
-        within = (1 - share) / gauges[0] + share / gauges[1] > 1 + RIM
-        if (within & (share > RIM) & (share < 1 - RIM)).any():
+    sizes = np.array([surface.half_width for _, surface, _ in lens.faces])
+    unit = Outline((1.0, 1.0), lens.front.outline.relative_corners)
+    for _, points, _ in _walls(frame, solid, faces, lens):
+        share = np.full(len(points), 0.5)  # of the way along the wall, from the front
+        for _ in range(WAYS):
+            across = np.outer(1 - share, sizes[0]) + np.outer(share, sizes[1])
+            on_unit = points[:, :2] / across
+            gauge = np.maximum(unit.gauge(*on_unit.T), RIM)
+            rim = on_unit / gauge[:, None]
+            low, high = (
+                vertex + surface(*(rim * size).T) for (_, surface, vertex), size in zip(lens.faces, sizes)
+            )
+            share = np.clip((points[:, 2] - low) / (high - low), 0.0, 1.0)
+        if ((gauge < 1 - RIM) & (share > RIM) & (share < 1 - RIM)).any():
             return True
     return False
 

@@ -96,7 +96,8 @@ def refitted(
     fits = _surfaces(frame, thickness, faces, outlines, tolerance)
     lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
     volume = lens.volume()
-    if volume > (1 + VOLUME) * own or cut_by_walls(frame, walls, faces, lens):  # as of a lens with a flange
+    apart = volume / own - 1
+    if apart > VOLUME or (apart < -VOLUME and cut_by_walls(frame, walls, faces, lens)):  # by a flange
         fits = _surfaces(frame, thickness, faces, _smaller(outlines), tolerance)
         lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
         volume = lens.volume()

@@ -19,10 +19,12 @@ from OCP.TopTools import TopTools_ListOfShape
 
 from tests.cases import slow_unless
 from tests.thbcad.cad.foreign.cases import Meridian, RoundLens, integral
-from tests.thbcad.drawings.cases import WAVY
+from tests.thbcad.drawings.cases import WAVY, WIDER
 from tests.thbcad.io.cases import written
 from thbcad import Conic, FreeformSurface, Lens, read_lens_solid, to_build123d, write_step
 from thbcad.cad.exchange import explore, solid_volume
+from thbcad.cad.foreign.glass_checks import cut_by_walls
+from thbcad.cad.foreign.surveyed_faces import surveyed
 from thbcad.cad.shapes import geom_surface
 from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
@@ -229,6 +231,15 @@ def test_an_ellipse_that_is_nearly_a_circle_holds_its_volume(tmp_path, shorter):
     # the strip that is lost, of width (5 - b) sin^2 t, is as high as the rim
     lost = np.pi * 5 * (5 - b) * (3.5 - RIM_HEIGHT)
     assert refit.volume == pytest.approx(PLANO_CONVEX - lost, rel=1e-6)
+
+
+def test_ruled_walls_between_rectangles_of_other_proportions_do_not_cut_their_lens(tmp_path):
+    path = tmp_path / "lens.step"
+    write_step(WIDER, path)
+    found = read_lens_solid(path)
+    lens = found.refit(1.5).lens
+    assert [surface.half_width for _, surface, _ in lens.faces] == [(5, 4), (8, 7)]
+    assert not cut_by_walls(found.frame, surveyed(found.shape), (found.front, found.rear), lens)
 
 
 def test_a_drafted_wall_stays_one(tmp_path):
