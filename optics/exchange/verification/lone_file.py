@@ -85,7 +85,8 @@ def unit_note(file: StepFile) -> list[str]:
     if unit == "MM":
         return []
     known = f"{size:g} mm" if size else "which is not known here; its numbers are taken as mm"
-    return [f"the unit of length of {file.path} is the {file.text.unit.lower()}, {known}"]
+    name = file.text.unit.lower().replace(" metre", "metre")
+    return [f"the unit of length of {file.path} is the {name}, {known}"]
 
 
 def text_checks_of(solid: Brep, size: float = 1.0) -> BareChecks:

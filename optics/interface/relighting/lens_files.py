@@ -27,10 +27,10 @@ NO_LIMITS: dict[str, Any] = {  # of the light, where none is requested
     "verify.min_over_max": 0.0,
     "verify.rsd": inf,
     "verify.rel_l2": inf,
-    "verify.contrast_error": inf,
     "verify.lit_efficiency": 0.0,
     "verify.stray": inf,
 }
+NARROW = 0.2  # of its distance: the half-width of such a screen until the light is traced
 RAYS = 20_000
 HELD = 0.999  # of the light: what such a screen holds
 MARGIN = 1.05
@@ -97,7 +97,10 @@ def _left_out(tables: Mapping[str, Any], found: Lens | ForeignLens) -> dict[str,
             keys[f"lens.{name}.half_width"] = size
     if "target" not in tables:
         away = AWAY * max(map(max, sizes.values()))
-        keys |= {"target": SCREEN | {"distance": away, "half_width": [away, away]}, **NO_LIMITS}
+        limits = tables.get("verify", {})
+        given = limits if isinstance(limits, Mapping) else {}
+        keys["target"] = SCREEN | {"distance": away, "half_width": [NARROW * away] * 2}
+        keys |= {key: limit for key, limit in NO_LIMITS.items() if key.split(".")[1] not in given}
     return keys
 
 
@@ -105,7 +108,7 @@ def _refitted(found: ForeignLens, problem: Problem) -> Lens:
     """Return the Lens of a STEP file, with the index of a problem."""
     with reading(found.path):
         refit = found.refit(OpticalSystem(problem).problem.optic.known_index)
-    note(str(refit))
+    note(f"{found.path}: {refit}")
     return refit.lens
 
 
@@ -126,9 +129,9 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
         distance = float(target.distance or 0.0) + moved
         if distance <= 0:
             raise UserError(
-                f"target.distance = {target.distance:g} mm behind lens.thickness = {spec.thickness:g} mm is "
-                f"within the lens of the file, {found.thickness:.6g} mm thick; leave lens.thickness out "
-                "to count from its rear"
+                f"the target, {target.distance:g} mm (target.distance) after a lens of {spec.thickness:g} mm "
+                f"(lens.thickness), lies within the lens of the file, {found.thickness:.6g} mm thick; leave "
+                "lens.thickness out to count target.distance from the rear of the file"
             )
         changes["target.distance"] = distance
         note(

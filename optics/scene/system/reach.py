@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError
-from optics.scene.problem import FaceMet, Optic, Placed
+from optics.scene.keys import AUTO
+from optics.scene.problem import FaceMet, Optic, Placed, Problem
 from optics.scene.system.elements import pose_of
 from optics.scene.system.geometry_search import nearest_geometry
 from optics.scene.system.optical_system import OpticalSystem
@@ -176,14 +177,23 @@ def require_reachable(system: OpticalSystem) -> None:
     Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
     A surface of index n bends rays by less than arccos(1 / n) before it reflects them totally: behind a plane
     front no rear sends parallel light farther aside from the beam than that, seen from the plane of the rear
-    vertex.
+    vertex.  A screen on which any light will do is not judged.
 
     Raises UserError : names the share of the light, the angle needed and the one that the index allows, and
         the nearest geometry that works.
     """
-    if fault := _fault(system):
+    if _is_requested(system.problem) and (fault := _fault(system)):
         found = " or ".join(nearest_geometry(system, can_be_lit))
         raise UserError(f"{fault}, such as by {found}" if found else fault)
+
+
+def _is_requested(problem: Problem) -> bool:
+    """Return whether the light must have a certain distribution or must arrive on the lit region."""
+    limits = problem.verify
+    lower = limits.min_over_mean, limits.min_over_max, limits.lit_efficiency
+    upper = limits.rsd, limits.rel_l2
+    any_will_do = not any(lower) and all(limit in (np.inf, AUTO) for limit in upper)
+    return problem.target.kind != "tophat" or not any_will_do
 
 
 def can_be_lit(system: OpticalSystem) -> bool:

@@ -159,10 +159,12 @@ class SolidState:
 
     @property
     def free_edges(self) -> int:
-        """The number of edges that do not border two faces."""
+        """The number of edges that do not border two faces, without those at poles, which have no length."""
         owners = TopTools_IndexedDataMapOfShapeListOfShape()
         TopExp.MapShapesAndAncestors_s(self.shape, TopAbs_EDGE, TopAbs_FACE, owners)
-        return sum(owners.FindFromIndex(k).Extent() != 2 for k in range(1, owners.Extent() + 1))
+        numbers = range(1, owners.Extent() + 1)
+        edges = [k for k in numbers if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(owners.FindKey(k)))]
+        return sum(owners.FindFromIndex(k).Extent() != 2 for k in edges)
 
     @property
     def tolerance(self) -> float:

@@ -93,6 +93,24 @@ def rim_edges(faces: Sequence[SurveyedFace]) -> list[FaceEdge]:
     return [own for own in edges if sum(own.edge.IsSame(other.edge) for other in edges) == 1]
 
 
+def outer_edges(edges: Sequence[FaceEdge]) -> list[FaceEdge]:
+    """Return the edges of the outline among those round a group of faces, without those of openings: the loop
+    with the largest box."""
+    loops: list[list[FaceEdge]] = []
+    for own in edges:
+        joined = [loop for loop in loops if any(_share_vertex(own.edge, other.edge) for other in loop)]
+        loops = [loop for loop in loops if all(loop is not one for one in joined)] + [
+            [own, *(e for loop in joined for e in loop)]
+        ]
+    return max(loops, key=lambda loop: float(np.linalg.norm(np.ptp(rim_points(loop), axis=0))), default=[])
+
+
+def _share_vertex(first: TopoDS_Edge, second: TopoDS_Edge) -> bool:
+    """Return whether two edges meet in a vertex."""
+    ends = [(TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)) for edge in (first, second)]
+    return any(own.IsSame(other) for own in ends[0] for other in ends[1])
+
+
 def rim_points(edges: Sequence[FaceEdge]) -> Floats:
     """Return points of edges, both ends included, (n, 3), mm."""
     return np.concatenate([np.empty((0, 3)), *(edge.points for edge in edges)])

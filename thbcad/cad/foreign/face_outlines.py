@@ -14,6 +14,8 @@ from thbcad.outlines import Outline
 
 SHARP = 1e-6  # relative: how well an outline must be a rectangle
 ROUND = 1e-4  # the same of the others: a chamfer ends in splines that are 1e-5 off the circle of a sphere
+CIRCLE = 1e-7  # relative: semi-axes of an ellipse that differ by less are those of a circle
+UNSURE = 4  # times what a rim is off its ellipse: how far the semi-axes may be wrong
 NEARLY_ROUND = 1e-2  # the same of a rim that a chamfer leaves of a wavy surface: the largest ellipse within
 
 
@@ -45,7 +47,8 @@ class FaceOutline:
         if self.word in ("rectangle", "rounded"):
             return self.nearest
         axes = np.array(self.nearest.half_width) * (1.0 if self.word == "ellipse" else self.least)
-        if np.ptp(axes) < ROUND * axes.max():  # a circle
+        unsure = min(ROUND * float(axes.max()), UNSURE * self.apart)
+        if np.ptp(axes) <= max(CIRCLE * float(axes.max()), unsure):
             axes = np.full(2, axes.min())
         return Outline.ellipse((float(axes[0]), float(axes[1])))
 

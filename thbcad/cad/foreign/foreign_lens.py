@@ -9,7 +9,8 @@ quarters in which some programs write surfaces of revolution.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from thbcad.cad.foreign.face_groups import axial_heights, continued, unified
 from thbcad.cad.foreign.optical_surface import OpticalFace, lens_axes, optical_face
 from thbcad.cad.foreign.refitting import Refit, refitted
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace, surveyed
-from thbcad.checks import Floats
+from thbcad.checks import Floats, require_number
 from thbcad.io import Entities, entities_of, having, read_part21
 from thbcad.poses import Pose
 
@@ -79,7 +80,10 @@ class ForeignLens:
             neither rectangles, with round corners or not, nor ellipses; a surface that a fit does not meet;
             glass that is not that of the solid (an opening, a cavity); as `Lens`.
         """
-        return refitted(self.frame, self.thickness, (self.front, self.rear), self.shape, index, tolerance)
+        require_number("tolerance", tolerance, above=0, finite=True)
+        faces = self.front, self.rear
+        with _speaking_of(self.path):
+            return refitted(self.frame, self.thickness, faces, self.shape, index, tolerance)
 
     def turned(self) -> ForeignLens:
         """Return the same lens with front and rear exchanged: half a turn around x."""
@@ -98,18 +102,33 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     path = Path(path)
     entities = read_part21(path)
     silence()
-    shape = step_shape(path)
+    shape, unit = step_shape(path), _unit_of(entities)
+    with _speaking_of(path):
+        return _found(path, unit, shape)
+
+
+@contextmanager
+def _speaking_of(path: Path) -> Iterator[None]:
+    """Put the path before the message of every ValueError of the block."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _found(path: Path, unit: str, shape: TopoDS_Shape) -> ForeignLens:
+    """Return the ForeignLens of the shape of a file."""
     solids = explore(shape, TopAbs_SOLID)
     if len(solids) != 1:
-        raise ValueError(f"{path} holds {len(solids)} solids where a lens is one")
+        raise ValueError(f"the file holds {len(solids)} solids where a lens is one")
     if len(explore(solids[0], TopAbs_SHELL)) > 1:
-        raise ValueError(f"{path} holds a solid with a cavity; a Lens is glass throughout")
+        raise ValueError("the file holds a solid with a cavity; a Lens is glass throughout")
     solid = unified(solids[0])
     faces = surveyed(solid)
     curved = [face for face in faces if not face.is_ruled] or _arched(solid, faces)
     if not curved:
         raise ValueError(
-            f"{path} holds no curved face that ends in sharp edges and faces one way: no lens surface was "
+            "the file holds no curved face that ends in sharp edges and faces one way: no lens surface was "
             "found"
         )
     main = max(curved, key=lambda face: face.area)
@@ -118,17 +137,20 @@ def read_lens_solid(path: str | Path) -> ForeignLens:
     axis = frame.rotation[:, 2]
     pair = main, _opposite(solid, faces, main, frame)
     if pair[0] is pair[1]:
-        raise ValueError(f"{path} holds one curved face and none opposite: a lens has a front and a rear")
+        raise ValueError("the file holds one curved face and none opposite: a lens has a front and a rear")
     groups = [_group(solid, faces, one, axis) for one in pair]
     for group in groups:
         _require_single(faces, group, axis)
     front, rear = (optical_face(one, frame) for one in (groups if normal @ axis < 0 else groups[::-1]))
     heights = [axial_heights(one.faces, frame, *front.centre[:, None])[0] for one in (front, rear)]
     if not np.isfinite(heights).all():
-        raise ValueError(f"{path}: the axis through the middle of the front does not meet front and rear")
+        raise ValueError(
+            "the axis through the middle of the front misses one of the two faces, as at an opening, which a "
+            "Lens does not have"
+        )
     frame = frame @ Pose.at((*front.centre, heights[0]))
     front, rear = (optical_face(list(one.faces), frame) for one in (front, rear))
-    return ForeignLens(path, _unit_of(entities), frame, float(heights[1] - heights[0]), front, rear, solid)
+    return ForeignLens(path, unit, frame, float(heights[1] - heights[0]), front, rear, solid)
 
 
 def _vector(vector: Floats) -> str:

@@ -7,11 +7,11 @@ and the other singular values show how far the surface is from graph form.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.cad.foreign.face_groups import reach, rim_edges, rim_points, shadow_area
+from thbcad.cad.foreign.face_groups import outer_edges, reach, rim_edges, rim_points, shadow_area
 from thbcad.cad.foreign.face_outlines import FaceOutline, face_outline
 from thbcad.cad.foreign.surveyed_faces import SurveyedFace
 from thbcad.checks import Floats
@@ -203,12 +203,14 @@ class OpticalFace:
 def optical_face(group: list[SurveyedFace], frame: Pose) -> OpticalFace:
     """Return what is known of an optical surface in a frame."""
     edges = rim_edges(group)
+    outer = outer_edges(edges)
     axes = frame.rotation.T[:2]
-    ends = np.array([[reach(edges, way * d) for d in axes] for way in (-1, 1)])
+    ends = np.array([[reach(outer, way * d) for d in axes] for way in (-1, 1)])
     low, high = ends * [[-1], [1]] - axes @ frame.shift
     half, centre = (high - low) / 2, (high + low) / 2
-    points = in_frame(frame, rim_points(edges))[:, :2] - centre
-    rim = face_outline(points, half, shadow_area(edges, frame))
+    points = in_frame(frame, rim_points(outer))[:, :2] - centre
+    rim = face_outline(points, half, shadow_area(outer, frame))
+    rim = replace(rim, area=shadow_area(edges, frame))
     if rim.word != "rectangle" and (middle := group[0].centre) is not None:
         apart = in_frame(frame, middle)[:2] - centre
         centre = centre + apart * (np.abs(apart).max() < CHAMFERED * half.max())

@@ -15,13 +15,13 @@ from OCP.TopoDS import TopoDS_Shape
 from thbcad.cad.exchange import solid_volume
 from thbcad.cad.foreign.conic_bounds import conic_deviation
 from thbcad.cad.foreign.face_groups import INTEGRAL
-from thbcad.cad.foreign.glass_checks import VOLUME, require_same_glass, require_whole
+from thbcad.cad.foreign.glass_checks import VOLUME, cut_by_walls, require_same_glass, require_whole
 from thbcad.cad.foreign.optical_surface import CHAMFERED, OpticalFace, in_frame, is_one_surface
 from thbcad.cad.foreign.spline_graphs import spline_graph
 from thbcad.cad.foreign.surface_fits import MEASURED, GlassHeights, conic_of, fitted_surface
 from thbcad.cad.foreign.surveyed_faces import surveyed
 from thbcad.cad.foreign.upright_graphs import CENTRED, centred
-from thbcad.checks import EPS, require_number
+from thbcad.checks import EPS
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
@@ -55,12 +55,24 @@ class Refit:
     def __repr__(self) -> str:
         faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
         parts = [f"{name}: {how}, {d:.2g} mm {'proven' if p else 'measured'}" for name, how, d, p in faces]
+        return f"Refit({'; '.join([*parts, *self._outside()])})"
+
+    def __str__(self) -> str:
+        """Return a sentence that says how each face is described, and how well."""
+        faces = zip(("front", "rear"), self.how, self.deviation, self.proven)
+        parts = [
+            f"the {name} is a {how}, which the file's face meets within {d:.2g} mm "
+            f"({'proven' if p else 'measured'})"
+            for name, how, d, p in faces
+        ]
+        return "; ".join([*parts, *self._outside()])
+
+    def _outside(self) -> list[str]:
+        """Return what lies outside the outline, in words; [] where nothing does."""
         apart = self.solid_volume - self.volume
-        if abs(apart) > VOLUME * self.solid_volume:
-            parts.append(
-                f"{apart:+.6g} mm^3 of the solid's {self.solid_volume:.6g} mm^3 lie outside the outline"
-            )
-        return f"Refit({'; '.join(parts)})"
+        if abs(apart) <= VOLUME * self.solid_volume:
+            return []
+        return [f"{apart:.6g} mm^3 of the solid's {self.solid_volume:.6g} mm^3 lie outside the outline"]
 
 
 class _Surface(NamedTuple):
@@ -79,10 +91,31 @@ def refitted(
     tolerance: float,
 ) -> Refit:
     """Return the Refit of front and rear of a solid in their frame, as `ForeignLens.refit`."""
-    require_number("tolerance", tolerance, above=0, finite=True)
     require_whole(faces)
+    outlines, own, walls = _outlines(faces), solid_volume(solid, INTEGRAL), surveyed(solid)
+    fits = _surfaces(frame, thickness, faces, outlines, tolerance)
+    lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
+    volume = lens.volume()
+    apart = volume / own - 1
+    if apart > VOLUME or (apart < -VOLUME and cut_by_walls(frame, walls, faces, lens)):  # by a flange
+        fits = _surfaces(frame, thickness, faces, _smaller(outlines), tolerance)
+        lens = Lens(fits[0].surface, fits[1].surface, thickness, index)
+        volume = lens.volume()
+    require_same_glass(frame, walls, faces, lens, (volume, own))
+    _, deviations, hows, proven = zip(*fits)
+    return Refit(lens, deviations, hows, proven, volume, own)
+
+
+def _surfaces(
+    frame: Pose,
+    thickness: float,
+    faces: Sequence[OpticalFace],
+    outlines: Sequence[Outline],
+    tolerance: float,
+) -> list[_Surface]:
+    """Return the surfaces of front and rear within their outlines."""
     surfaces = []
-    for name, face, outline, vertex in zip(("front", "rear"), faces, _outlines(faces), (0.0, thickness)):
+    for name, face, outline, vertex in zip(("front", "rear"), faces, outlines, (0.0, thickness)):
         slack = CENTRED if face.outline == "rectangle" else CHAMFERED * float(face.half_width.max())
         if np.abs(face.centre).max() > slack:
             x, y = face.centre
@@ -91,11 +124,14 @@ def refitted(
                 "rear on one axis"
             )
         surfaces.append(_surface(GlassHeights(frame, face, vertex, outline), tolerance, name))
-    (front, rear), deviations, hows, proven = zip(*surfaces)
-    lens = Lens(front, rear, thickness, index)
-    volume, own = lens.volume(), solid_volume(solid, INTEGRAL)
-    require_same_glass(frame, surveyed(solid), faces, lens, (volume, own))
-    return Refit(lens, deviations, hows, proven, volume, own)
+    return surfaces
+
+
+def _smaller(outlines: Sequence[Outline]) -> list[Outline]:
+    """Return the largest outline of the same proportions of corners that lies within both, twice."""
+    a, b = np.min([outline.half_width for outline in outlines], axis=0).tolist()
+    share_x, share_y = outlines[0].relative_corners
+    return [Outline((a, b), (share_x * a, share_y * b))] * 2
 
 
 def _outlines(faces: Sequence[OpticalFace]) -> list[Outline]:

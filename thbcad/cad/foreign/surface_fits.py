@@ -39,6 +39,7 @@ RAYS, RADII = 8, 9  # at which a surface is sampled for a conic, and asked wheth
 REVOLVED = 0.1  # of the tolerance: how far heights at one radius may differ on a surface of revolution
 MERIDIAN = 257  # points of a meridian, denser near its rim
 MERIDIAN_DEGREE = 7
+TIP = 1e-6  # of the reach: a conic of a lesser radius is a cone
 FLATTEST = 1e-12  # 1/mm: a lesser curvature is a plane's
 MEASURED = 17  # points along each axis at which a surface is compared, and two more for each span of a fit
 Heights = Callable[[Floats, Floats], Floats]
@@ -91,7 +92,7 @@ class GlassHeights:
 
 
 def conic_of(x: Floats, y: Floats, z: Floats) -> Conic | None:
-    """Return the conic with its vertex at 0 that is nearest to points: by least squares of
+    """Return the conic with its vertex at 0 that is nearest to points, None of a cone: by least squares of
 
     r^2 = 2 R z - (1 + K) z^2.
     """
@@ -101,13 +102,14 @@ def conic_of(x: Floats, y: Floats, z: Floats) -> Conic | None:
         return Conic()
     columns = np.column_stack([z.ravel(), -(z**2).ravel()])
     double, squared = np.linalg.lstsq(columns, radius_squared.ravel(), rcond=None)[0]
-    return Conic(float(double / 2), float(squared - 1)) if double else None
+    sharp = abs(double) / 2 < TIP * float(radius_squared.max()) ** 0.5
+    return None if sharp else Conic(float(double / 2), float(squared - 1))
 
 
 def fitted_surface(glass: GlassHeights, tolerance: float) -> tuple[FreeformSurface, float]:
     """Return a conic with a spline sag that meets a surface, and the greatest distance that was measured.
 
-    Raises ValueError : a line along the axis within the outline misses the surface.
+    Raises ValueError : a line along the axis within the outline misses the surface; a cone.
     """
     x, y, z = glass.polar_samples()
     require_glass(z)
@@ -139,7 +141,9 @@ def require_glass(heights: Floats) -> None:
 def _base(conic: Conic | None, half_width: tuple[float, float]) -> Conic:
     """Return a conic over the whole rectangle: the one given, else a paraboloid with its radius."""
     if conic is None:
-        return Conic()
+        raise ValueError(
+            "an optical face is a cone with its tip on the axis; the surfaces of a Lens are smooth"
+        )
     try:
         conic.require(half_width)
     except ValueError:

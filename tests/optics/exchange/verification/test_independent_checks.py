@@ -200,7 +200,7 @@ def test_an_edge_to_another_corner_is_caught(good, tmp_path, backend, which):
 @pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("prefix", "words"),
-    [(".CENTI.", "centi metre, 10 mm"), (".MICRO.", "micro metre"), ("$", "metre, 1000 mm")],
+    [(".CENTI.", "the centimetre, 10 mm"), (".MICRO.", "the micrometre, 0.001 mm"), ("$", "metre, 1000 mm")],
 )
 def test_another_unit_is_caught_where_the_lens_is_known_and_read_where_not(
     good, tmp_path, backend, prefix, words

@@ -148,6 +148,35 @@ def test_a_lens_gives_what_its_problem_leaves_out(halves, tmp_path, capsys, turn
         given_system(problem, {"target.distance": 60.0}, halves, turn)
 
 
+@pytest.fixture(scope="module")
+def plano_convex(tmp_path_factory):
+    """A plano-convex lens of radius 20 mm and diameter 10 mm whose sphere has its pole on the rear."""
+    solid = bd.Pos(0, 0, 5) * bd.Cylinder(5, 10) & bd.Pos(0, 0, -16.5) * bd.Sphere(20)
+    return written(solid.wrapped, tmp_path_factory.mktemp("plano") / "plano.step")
+
+
+def test_a_weak_lens_without_a_target_is_not_refused_for_light_that_nobody_wants(
+    plano_convex, tmp_path, capsys
+):
+    """f = 40 mm: the beam of 12 x 12 mm, 10 x 10 mm at the lens, is 2.5 mm wide 50 mm after it."""
+    system, lens = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, plano_convex, False)
+    assert lens.rear.conic.radius == pytest.approx(-20, abs=1e-9)
+    assert system.problem.target.distance == pytest.approx(50, rel=1e-9)
+    assert 1 < system.problem.target.half_width[0] < 2.5
+    said = capsys.readouterr().err
+    assert f"note: {plano_convex}: the front is a plane, which the file's face meets within" in said
+    assert "Refit(" not in said
+
+
+def test_limits_of_the_user_hold_without_a_target(halves, tmp_path):
+    problem = bare_problem(tmp_path, "lens.index = 1.5\nverify.rsd = 0.3")
+    system, _ = given_system(problem, {"verify.stray": 0.01}, halves, False)
+    limits = system.problem.verify
+    assert (limits.stray, limits.rsd, limits.lit_efficiency, limits.min_over_mean) == (0.01, 0.3, 0.0, 0.0)
+    with pytest.raises(optics.UserError, match="verify is a value, no table"):
+        given_system(bare_problem(tmp_path, "lens.index = 1.5\nverify = 3"), {}, halves, False)
+
+
 def test_a_lens_without_an_index_is_asked_for_it(halves, tmp_path):
     with pytest.raises(optics.UserError, match=r"lens\.index"):
         given_system(bare_problem(tmp_path), {}, halves, False)

@@ -9,6 +9,7 @@ from math import pi
 import build123d
 import numpy as np
 import pytest
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.IGESCAFControl import IGESCAFControl_Reader
@@ -33,8 +34,8 @@ from tests.thbcad.cases import LENSES, assert_holds, assert_same_surface
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface, write_step
 from thbcad.cad.exchange.iges_brep_solids import iges_bytes, read_iges
 from thbcad.cad.exchange.occt_texts import occt_settings, silence
-from thbcad.cad.exchange.reading import explore
-from thbcad.cad.exchange.solid_file import solid_volume
+from thbcad.cad.exchange.reading import explore, step_shape
+from thbcad.cad.exchange.solid_file import SolidState, solid_volume
 from thbcad.cad.exchange.step import (
     SCHEMAS,
     part_step,
@@ -330,3 +331,26 @@ def test_a_rough_lens_keeps_the_tolerance():
     sag = THBSurface(space, 1e-2 * np.random.default_rng(0).standard_normal(space.dim))
     lens = Lens(FreeformSurface((50, 50)), FreeformSurface((50, 50), Conic(-150.0, -1.0), sag), 20.0, 1.5)
     assert solid_volume(lens_part(lens).solid, 1e-6) == pytest.approx(lens.volume(), rel=1e-6)
+
+
+def test_the_pole_of_a_sphere_is_no_free_edge(tmp_path):
+    """A plano-convex lens of another program: the sphere about z has its pole on the rear."""
+    solid = build123d.Pos(0, 0, 5) * build123d.Cylinder(5, 10) & build123d.Pos(
+        0, 0, -16.5
+    ) * build123d.Sphere(20)
+    path = tmp_path / "plano.step"
+    build123d.export_step(solid, path)
+    state = SolidState(step_shape(path))
+    assert (state.solids, state.free_edges, state.closed, state.valid) == (1, 0, True, True)
+    height = 20 - np.sqrt(20**2 - 5**2)
+    cap = pi * height**2 * (20 - height / 3)
+    assert state.volume == pytest.approx(pi * 25 * (3.5 - height) + cap, rel=1e-6)
+    faces = explore(state.shape, TopAbs_FACE)
+    without_one = []
+    for left_out in faces:
+        shell = BRepBuilderAPI_Sewing()
+        for face in (face for face in faces if face is not left_out):
+            shell.Add(face)
+        shell.Perform()
+        without_one.append(SolidState(shell.SewedShape()).free_edges)
+    assert sorted(without_one) == [1, 1, 2]

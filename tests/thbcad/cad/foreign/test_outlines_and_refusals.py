@@ -19,10 +19,12 @@ from OCP.TopTools import TopTools_ListOfShape
 
 from tests.cases import slow_unless
 from tests.thbcad.cad.foreign.cases import Meridian, RoundLens, integral
-from tests.thbcad.drawings.cases import WAVY
+from tests.thbcad.drawings.cases import WAVY, WIDER
 from tests.thbcad.io.cases import written
-from thbcad import read_lens_solid, to_build123d
+from thbcad import Conic, FreeformSurface, Lens, read_lens_solid, to_build123d, write_step
 from thbcad.cad.exchange import explore, solid_volume
+from thbcad.cad.foreign.glass_checks import cut_by_walls
+from thbcad.cad.foreign.surveyed_faces import surveyed
 from thbcad.cad.shapes import geom_surface
 from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
@@ -198,6 +200,59 @@ def test_a_round_lens_cut_off_the_axis_is_fitted(tmp_path):
     assert refit.lens.front(x, 0 * x) == pytest.approx(sphere(FRONT, 4 + x) - sphere(FRONT, 4), abs=1e-7)
 
 
+def plano_convex(outline):
+    """What a prism along z leaves of a ball of radius 20 mm above the plane z = 0, 3.5 mm high."""
+    return outline & bd.Pos(0, 0, -16.5) * bd.Sphere(20) & bd.Pos(0, 0, 10) * bd.Box(50, 50, 20)
+
+
+RIM_HEIGHT = 20 * (1 - np.sqrt(1 - (5 / 20) ** 2))  # of the cap of the ball over a disk of radius 5 mm
+PLANO_CONVEX = np.pi * (25 * (3.5 - RIM_HEIGHT) + RIM_HEIGHT**2 * (20 - RIM_HEIGHT / 3))  # mm^3
+
+
+@pytest.mark.parametrize("height", [1.0, 2.0])
+def test_a_flange_lies_outside_the_outline_of_the_smaller_face(tmp_path, height):
+    """A cone from rim to rim would hold more glass than the solid over the lower flange, and air in both."""
+    solid = plano_convex(bd.Cylinder(5, 40)) + bd.Pos(0, 0, height / 2) * bd.Cylinder(7, height)
+    refit = read_lens_solid(written(solid.wrapped, tmp_path / "lens.step")).refit(1.5)
+    assert refit.lens.front.half_width == pytest.approx((5, 5), rel=1e-9)
+    assert refit.lens.rear.half_width == pytest.approx((5, 5), rel=1e-9)
+    assert refit.volume == pytest.approx(PLANO_CONVEX, rel=1e-8)
+    assert refit.solid_volume - refit.volume == pytest.approx(np.pi * (49 - 25) * height, rel=1e-6)
+    assert f"{np.pi * 24 * height:.6g} mm^3 of the solid's" in str(refit)
+
+
+@pytest.mark.parametrize("shorter", [1e-4, 3e-6, 1e-9])
+def test_an_ellipse_that_is_nearly_a_circle_holds_its_volume(tmp_path, shorter):
+    """Mean height over the ellipse: that over the disk but for terms of first order in the difference."""
+    b = 5 * (1 - shorter)
+    solid = plano_convex(bd.extrude(bd.Ellipse(5, b), 40))
+    refit = read_lens_solid(written(solid.wrapped, tmp_path / "lens.step")).refit(1.5)
+    assert refit.lens.front.half_width == pytest.approx((5, b), rel=1e-7)
+    # the strip that is lost, of width (5 - b) sin^2 t, is as high as the rim
+    lost = np.pi * 5 * (5 - b) * (3.5 - RIM_HEIGHT)
+    assert refit.volume == pytest.approx(PLANO_CONVEX - lost, rel=1e-6)
+
+
+def test_ruled_walls_between_rectangles_of_other_proportions_do_not_cut_their_lens(tmp_path):
+    path = tmp_path / "lens.step"
+    write_step(WIDER, path)
+    found = read_lens_solid(path)
+    lens = found.refit(1.5).lens
+    assert [surface.half_width for _, surface, _ in lens.faces] == [(5, 4), (8, 7)]
+    assert not cut_by_walls(found.frame, surveyed(found.shape), (found.front, found.rear), lens)
+
+
+def test_a_drafted_wall_stays_one(tmp_path):
+    front, rear = (FreeformSurface((r, r), Conic(R), corners=(r, r)) for r, R in ((7, np.inf), (5, -20.0)))
+    path = tmp_path / "lens.step"
+    write_step(Lens(front, rear, 3.5, 1.5), path)
+    refit = read_lens_solid(path).refit(1.5)
+    sizes = [surface.half_width[0] for _, surface, _ in refit.lens.faces]
+    assert sizes == pytest.approx([7, 5], rel=1e-9)
+    cone = np.pi * (49 + 35 + 25) * (3.5 - RIM_HEIGHT) / 3
+    assert refit.volume == pytest.approx(cone + PLANO_CONVEX - 25 * np.pi * (3.5 - RIM_HEIGHT), rel=1e-8)
+
+
 def hexagon():
     return two_spheres(bd.Pos(0, 0, -20) * bd.extrude(bd.RegularPolygon(8, 6), 40))
 
@@ -213,6 +268,22 @@ def dimple():
 
 def drilled():
     return two_spheres(bd.Cylinder(10, 40)) - bd.Pos(3, 0, 0) * bd.Cylinder(1, 40)
+
+
+def pierced():
+    return plano_convex(bd.Cylinder(5, 40)) - bd.Pos(2, 0, 0) * bd.Cylinder(0.05, 40)
+
+
+def drilled_through_the_middle():
+    return plano_convex(bd.Cylinder(5, 40)) - bd.Cylinder(1, 40)
+
+
+def revolved_cone():
+    """z = 4 - 0.3 r as a spline that is revolved, which is no cone by its kind."""
+    r = np.linspace(0, 5, 40)
+    top = bd.Edge.make_spline([(x, 0, 4 - 0.3 * x) for x in r.tolist()])
+    sides = bd.Polyline((5, 0, 2.5), (5, 0, 0), (0, 0, 0), (0, 0, 4)).edges()
+    return bd.revolve(bd.make_face([top, *sides]), bd.Axis.Z)
 
 
 def hollow():
@@ -234,7 +305,13 @@ REFUSED = {
     "D cut": (d_cut, r"the outline of the front, 17 x 20 mm and 284.609 mm\^2"),
     "dimple": (dimple, r"two curved surfaces, a sphere of radius 2 mm and a sphere of radius 40 mm"),
     "half ball": (lambda: bd.Sphere(5) & bd.Pos(0, 0, 10) * bd.Box(20, 20, 20), "as a half ball is"),
-    "drilled": (drilled, r"the outline of the front|may have an opening|another face, a cylinder"),
+    "drilled": (drilled, r"the front, a sphere .*: it has an opening of 3\.1\d* mm\^2"),
+    "pierced": (pierced, r"the front, a plane, .* outline: it has an opening of 0\.00785398 mm\^2"),
+    "drilled through the middle": (
+        drilled_through_the_middle,
+        "misses one of the two faces, as at an opening",
+    ),
+    "cone": (revolved_cone, "an optical face is a cone with its tip on the axis"),
     "hollow": (hollow, "holds a solid with a cavity"),
     "bored": (bored_from_the_side, r"another face, a cylinder, within the outline of front and rear"),
     "two outlines": (stepped_edge, r"the outlines of front and rear differ: diameter 10 mm and 12 x 12 mm"),
@@ -249,4 +326,5 @@ def test_what_a_lens_cannot_hold_is_refused_for_its_reason(tmp_path, name):
     path = written(body.wrapped, tmp_path / "lens.step")
     with pytest.raises(ValueError, match=words) as refused:
         read_lens_solid(path).refit(1.5)
+    assert str(refused.value).startswith(f"{path}: ")
     assert not re.search(r"allow a greater tolerance|none opposite", str(refused.value))
