@@ -2,6 +2,7 @@
 
 import re
 from contextlib import suppress
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -453,3 +454,16 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path_factory, da
     path = written(tmp_path_factory.mktemp("bad"), bytes(damaged))
     with suppress(UserError):
         assert np.isfinite(read_luminaire(path).flux)
+
+
+def test_long_lines_of_an_ies_file_take_linear_time(tmp_path):
+    begun = perf_counter()
+    assert of_ies(tmp_path, header="TILT=" + " " * 200_000 + "NONE  ").flux > 0
+    for text in (
+        ies_text(header="TILT=a" + " " * 200_000 + "b"),
+        ies_text(candela=((100, "0" * 200_000 + "1", "0,5"),)),
+    ):
+        (tmp_path / "lamp.ies").write_text(text)
+        with pytest.raises(UserError):
+            read_luminaire(tmp_path / "lamp.ies")
+    assert perf_counter() - begun < 3  # quadratic: many minutes
