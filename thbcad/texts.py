@@ -37,6 +37,17 @@ ONE_MARK = re.compile(
 )
 ROW_WITH_COMMA = re.compile(r"^[ \t]*[-+]?[.,]?[0-9][^\n,]*,[^\n]*$", re.MULTILINE)
 JUDGED = 1000  # rows with commas, from which what commas mean is known
+ROW_START = re.compile(r"[ \t]*(?:[-+.,*]*[0-9*]|[-+]?(?:nan|inf|null|none)\b)", re.IGNORECASE)
+# places where a value is missing, by the mark between columns; a comma that begins a line of numbers apart by
+# blanks marks a decimal
+EMPTY = {
+    "\t": re.compile(r"^(?= *\t)|(?<=\t)(?= *(?:\t|$))", re.MULTILINE),
+    ";": re.compile(r"^(?=[^\S\n]*;)|(?<=;)(?=[^\S\n]*(?:;|$))", re.MULTILINE),
+    ",": re.compile(
+        r"^(?=[^\S\n]*,(?![^\n]*[\w.][^\S\n]+(?:[-+.\w]|,\d)))|(?<=,)(?=[^\S\n]*(?:,|$))", re.MULTILINE
+    ),
+}
+LIKE_A_NUMBER = re.compile(r"[-+]?(?:[.,]?[0-9]|(?:nan|inf)\b)", re.IGNORECASE)
 
 
 class OtherKind(ValueError):
@@ -101,6 +112,27 @@ def columns_by_blanks(text: str, columns: int) -> str:
     decimal = bool(rows) and _marks_decimals(rows, columns)
     text = text.replace(",", "." if decimal else " ").replace(";", " ").replace("\t", " ")
     return FORTRAN_EXPONENT.sub("e", text)
+
+
+def column_mark(text: str) -> str:
+    """Return the mark that separates the columns of most rows: a tab, a semicolon, or else a comma."""
+    by_tabs = [line.strip(" ") for line in text.split("\n") if "\t" in line]
+    if 2 * sum("\t\t" not in line and line == line.strip() for line in by_tabs) > len(by_tabs):
+        return "\t"
+    rows = [line for line in text.split("\n") if ROW_START.match(line)]
+    return ";" if 2 * sum(";" in row for row in rows) > len(rows) else ","
+
+
+def is_damaged_row(words: Sequence[str]) -> bool:
+    """Return whether words seem to be a damaged row of numbers, rather than part of a head.
+
+    They are more than two, all begin like a number, and most of them are numbers.
+    """
+    return (
+        len(words) > 2
+        and all(map(LIKE_A_NUMBER.match, words))
+        and 2 * sum(bool(NUMBER.fullmatch(word)) for word in words) > len(words)
+    )
 
 
 def _begins_with_numbers(line: str, columns: int) -> bool:
