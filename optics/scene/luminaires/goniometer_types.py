@@ -34,7 +34,7 @@ from thbcad.checks import Floats
 TYPE_C, TYPE_B, TYPE_A = 1, 2, 3  # as LM-63 numbers them
 QUARTER = 90.0  # degrees: the greatest V and H
 GREATEST_STEP = (
-    2.5  # degrees of gamma, where half the least step of a file is larger; C has twice as large ones
+    2.5  # degrees of gamma, also where half the least step of a file is larger; of C it is doubled
 )
 MOST_NODES = 2_000_000  # about, of the grid of C and gamma: 0.3 GB while it is made
 PEAK_CHANGE = 0.02  # of the file's peak, by which a grid that is coarser than half the file's step may differ
@@ -75,8 +75,8 @@ def as_type_c(kind: int, v: Floats, h: Floats, candela: Floats) -> tuple[Floats,
     if step > half and abs(candela.max() / values.max() - 1) > PEAK_CHANGE:
         raise UserError(
             f"its angles are as close as {2 * half:.2g} degrees over a cone of {reach:.3g} degrees around "
-            f"the beam, which takes more than {MOST_NODES:,} nodes of type C: at {step:.2g} degrees its peak of "
-            f"{values.max():.4g} would be {candela.max():.4g}; leave out dark angles"
+            f"the beam, which takes more than {MOST_NODES:,} nodes of type C: at {step:.2g} degrees its peak "
+            f"of {values.max():.4g} would be {candela.max():.4g}; leave out dark angles"
         )
     return planes, gammas, candela
 
