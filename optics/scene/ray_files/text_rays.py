@@ -107,10 +107,12 @@ def _require_no_empty_field(path: Path, lines: list[str], before: int) -> None:
 
     Two tabs may only align the columns, and rows that lack a number differ in length.
     """
-    text = REMARK.sub("", "\n".join(lines))
-    text = "\n".join(line.rstrip(",; \t") for line in text.split("\n"))
+    text = "\n".join(lines)
     mark = column_mark(text[:JUDGED])
-    if mark != "\t" and (found := EMPTY[mark].search(text)):
+    if mark == "\t" or mark not in text:
+        return
+    text = "\n".join(line.rstrip(",; \t") for line in REMARK.sub("", text).split("\n"))
+    if found := EMPTY[mark].search(text):
         line = before + 1 + text.count("\n", 0, found.start())
         raise UserError(f"line {line} of {path} has an empty field; every ray needs {ROW}")
 

@@ -39,6 +39,7 @@ NAMED = [
     )
 ]
 LUMENS = re.compile(r"\blm\b|\blumens?\b", re.IGNORECASE)
+LONGEST = 1000  # letters of a line that are searched
 WAVELENGTH = re.compile(r"wavelength|lambda|spectr", re.IGNORECASE)
 WATTS = re.compile(r"[\[(]\s*W\s*[\])]|\b(?:in|unit:?)\s+W\b|[:=]\s*W\b|\b[Ww]atts?\b")
 
@@ -50,7 +51,7 @@ def length_units(head: list[str]) -> set[float]:
     """
     words: set[str] = set()
     for line in head:
-        named = {word.lower() for pattern in NAMED for word in pattern.findall(line)}
+        named = {word.lower() for pattern in NAMED for word in pattern.findall(line[:LONGEST])}
         words |= named - OF_WAVELENGTHS if WAVELENGTH.search(line) else named
     words |= {word.removesuffix("s") for word in words}
     for word in sorted(words & OTHER_LENGTHS):

@@ -115,7 +115,8 @@ def _rows(text: str, name: str, columns: int) -> list[tuple[int, str]]:
     text = (COMMENT if mark == ";" else COMMENT_OR_SEMICOLON).sub("", text)
     for letters, missing in MISSING:
         text = missing.sub("nan", text) if any(part in text for part in letters) else text
-    text = EMPTY[mark].sub(" nan ", REMARK.sub("", text))
+    text = REMARK.sub("", text)
+    text = EMPTY[mark].sub(" nan ", text) if mark in text else text
     try:
         text = columns_by_blanks(text, columns)
     except ValueError as error:
