@@ -150,7 +150,10 @@ def shown(value: object) -> str:
     """
     if isinstance(value, int) and value.bit_length() > MOST_BITS:
         return f"an integer of about {log10(abs(value)):.0f} digits"
-    return shortened(repr(value))
+    try:
+        return shortened(repr(value))
+    except ValueError:  # of a collection with an integer of more digits than Python writes
+        return f"a {type(value).__name__} with an integer of too many digits to show"
 
 
 def shortened(text: str) -> str:

@@ -8,11 +8,12 @@ is written with ASCII digits; its exponent begins with e, E or, as Fortran write
 import re
 from collections.abc import Sequence
 from itertools import islice
+from string import whitespace
 
 LATIN = "latin-1"  # the older encoding of formats that are older than UTF-8
 LINE_END = re.compile(r"\r+\n?")  # CR CR LF is one end: a CR LF that was converted once more
-DOS_END = re.compile(r"\x1a[\x1a\0\s]*\Z")
-NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+DOS_END, PADDING = "\x1a", "\0" + whitespace
+NUMBER = re.compile(r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eEdD][-+]?[0-9]++)?")
 FORTRAN = str.maketrans("dD", "ee")
 FORTRAN_EXPONENT = re.compile(r"(?<=[0-9.])[dD](?=[-+]?[0-9])")
 # the first bytes of files that are no text
@@ -36,6 +37,17 @@ ONE_MARK = re.compile(
 )
 ROW_WITH_COMMA = re.compile(r"^[ \t]*[-+]?[.,]?[0-9][^\n,]*,[^\n]*$", re.MULTILINE)
 JUDGED = 1000  # rows with commas, from which what commas mean is known
+ROW_START = re.compile(r"[ \t]*(?:[-+.,*]*[0-9*]|[-+]?(?:nan|inf|null|none)\b)", re.IGNORECASE)
+# places where a value is missing, by the mark between columns; a comma that begins a line of numbers apart by
+# blanks marks a decimal
+EMPTY = {
+    "\t": re.compile(r"^(?= *\t)|(?<=\t)(?= *(?:\t|$))", re.MULTILINE),
+    ";": re.compile(r"^(?=[^\S\n]*;)|(?<=;)(?=[^\S\n]*(?:;|$))", re.MULTILINE),
+    ",": re.compile(
+        r"^(?=[^\S\n]*,(?![^\n]*[\w.][^\S\n]+(?:[-+.\w]|,\d)))|(?<=,)(?=[^\S\n]*(?:,|$))", re.MULTILINE
+    ),
+}
+LIKE_A_NUMBER = re.compile(r"[-+]?(?:[.,]?[0-9]|(?:nan|inf)\b)", re.IGNORECASE)
 
 
 class OtherKind(ValueError):
@@ -67,7 +79,7 @@ def text_of(data: bytes, older: str | None = None) -> str:
                 "save it as UTF-8"
             ) from None
         text = data.decode(older)
-    text = DOS_END.sub("", LINE_END.sub("\n", text))
+    text = _without_dos_end(LINE_END.sub("\n", text))
     if "\0" in text:
         _refuse_other_kinds(data)
         line = text.count("\n", 0, text.index("\0")) + 1
@@ -95,10 +107,38 @@ def columns_by_blanks(text: str, columns: int) -> str:
 
     Raises ValueError : commas that may mean both; it names one.
     """
-    rows = [found[0].strip() for found in islice(ROW_WITH_COMMA.finditer(text), JUDGED)]
+    lines = (found[0].strip() for found in ROW_WITH_COMMA.finditer(text))
+    rows = list(islice((line for line in lines if _begins_with_numbers(line, columns)), JUDGED))
     decimal = bool(rows) and _marks_decimals(rows, columns)
     text = text.replace(",", "." if decimal else " ").replace(";", " ").replace("\t", " ")
     return FORTRAN_EXPONENT.sub("e", text)
+
+
+def column_mark(text: str) -> str:
+    """Return the mark that separates the columns of most rows: a tab, a semicolon, or else a comma."""
+    by_tabs = [line.strip(" ") for line in text.split("\n") if "\t" in line]
+    if 2 * sum("\t\t" not in line and line == line.strip() for line in by_tabs) > len(by_tabs):
+        return "\t"
+    rows = [line for line in text.split("\n") if ROW_START.match(line)]
+    return ";" if 2 * sum(";" in row for row in rows) > len(rows) else ","
+
+
+def is_damaged_row(words: Sequence[str]) -> bool:
+    """Return whether words seem to be a damaged row of numbers, rather than part of a head.
+
+    They are more than two, all begin like a number, and most of them are numbers.
+    """
+    return (
+        len(words) > 2
+        and all(map(LIKE_A_NUMBER.match, words))
+        and 2 * sum(bool(NUMBER.fullmatch(word)) for word in words) > len(words)
+    )
+
+
+def _begins_with_numbers(line: str, columns: int) -> bool:
+    """Return whether a line is a row of numbers, whatever its commas mean, rather than part of a head."""
+    words = [word for word in OTHERS.split(line, columns + 1) if word][:columns]
+    return len(words) == columns and all(word in ("-", "+") or ONE_MARK.fullmatch(word) for word in words)
 
 
 def _marks_decimals(rows: Sequence[str], columns: int) -> bool:
@@ -117,7 +157,7 @@ def _marks_decimals(rows: Sequence[str], columns: int) -> bool:
         elif marked := [word for word in words if "," in word]:
             decimal.append(row)
             if any("." in word for word in words):
-                raise ValueError(_ambiguous(marked[0], "beside decimal points"))
+                raise ValueError(_ambiguous(marked[0], "as well as decimal points"))
     if decimal and separating:
         raise ValueError(_ambiguous(decimal[0], "within some numbers, and between others"))
     counts = {len(OTHERS.split(row)) for row in separating}
@@ -128,7 +168,17 @@ def _marks_decimals(rows: Sequence[str], columns: int) -> bool:
 
 
 def _ambiguous(shown: str, what: str) -> str:
-    return f"it has commas {what}, such as {shown[:30]!r}; write decimal points, or part the columns by tabs"
+    return (
+        f"it has commas {what}, such as {shown[:30]!r}; write decimal points, or separate the columns with "
+        "tabs"
+    )
+
+
+def _without_dos_end(text: str) -> str:
+    """Return a text up to the first of the end bytes of DOS after which only padding follows."""
+    content = text.rstrip(DOS_END + PADDING)
+    end = text.find(DOS_END, len(content))
+    return text if end < 0 else text[:end]
 
 
 def _encoding(data: bytes) -> str:
@@ -145,5 +195,12 @@ def _encoding(data: bytes) -> str:
 
 def _refuse_other_kinds(data: bytes) -> None:
     for magic, kind in KINDS.items():
-        if data.startswith(magic):
+        if data.startswith(magic) and not _is_a_word(data):
             raise OtherKind(kind)
+
+
+def _is_a_word(data: bytes) -> bool:
+    """Return whether the first letters of a picture, BM or RIFF, begin a text instead."""
+    if data.startswith(b"BM"):
+        return b"\0" not in data[2:14]  # the header of a bitmap holds 4 bytes that are 0
+    return data.startswith(b"RIFF") and data[8:12] != b"WEBP"

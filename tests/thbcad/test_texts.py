@@ -1,5 +1,7 @@
 """Text and numbers of files: what commas mean, what is a number, and what is no text."""
 
+from time import perf_counter
+
 import pytest
 
 from thbcad.texts import LATIN, OtherKind, columns_by_blanks, number, text_of
@@ -82,3 +84,34 @@ def test_bytes_that_are_no_text_are_refused_and_an_end_byte_within_is_kept():
         text_of(b"a text\nand a\0zero")
     assert text_of(b"one\x1atwo\r\n\x1a") == "one\x1atwo\n"
     assert text_of("\u2026".encode("cp1252") + b"\n1", LATIN).split("\n") == ["\x85", "1"]  # NEL ends no line
+
+
+@pytest.mark.parametrize(
+    "head", ["05.01.2024, 14:33 Uhr", "225 points, mm", "3D scan of lens, mm", "2 lenses, 1,5 mm thick"]
+)
+@pytest.mark.parametrize("row", ["1.5 2.5 3", "1,5;2,5;3", "1.5,2.5,3", "1,5\t2,5\t3"])
+def test_commas_in_a_head_that_begins_with_a_digit_say_nothing(head, row):
+    assert columns_by_blanks(f"{head}\n{row}\n", 3).split("\n")[1].split() == ["1.5", "2.5", "3"]
+
+
+@pytest.mark.parametrize("start", ["BMW Leuchten M\u00fcnchen", "RIFF GmbH M\u00fcnchen"])
+def test_latin_text_that_begins_like_a_picture_is_text(start):
+    assert text_of(start.encode(LATIN), LATIN) == start
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [(b"BM\x36\0\x0c\0\0\0\0\0\x36\0\0\0", "a BMP picture"), (b"RIFF\x24\0\0\0WEBPVP8 ", "a WebP picture")],
+)
+def test_pictures_with_short_marks_are_named(start, kind):
+    with pytest.raises(OtherKind, match=kind):
+        text_of(start + b"\xff" * 64, LATIN)
+
+
+def test_long_words_and_long_endings_take_linear_time():
+    begun = perf_counter()
+    with pytest.raises(ValueError, match="is no number"):
+        number("1" * 200_000 + "x")
+    assert text_of(b"\x1a" * 200_000 + b"x") == "\x1a" * 200_000 + "x"
+    assert text_of(b"1" + b"\x1a" * 200_000) == "1"
+    assert perf_counter() - begun < 2  # quadratic: an hour

@@ -13,6 +13,10 @@ from thbcad.io.atomic_files import write_text
 from thbcad.texts import text_of
 
 
+class RepeatedKey(ValueError):
+    """A key that stands twice in an object of a JSON file."""
+
+
 def write_json(data: object, path: str | Path) -> None:
     """Write plain data to a file, atomically; numbers read back to the same bits."""
     write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False))
@@ -32,18 +36,20 @@ def read_json(path: str | Path, content: str) -> Any:
         raise ValueError(f"{path} is not a {content} file: {error}") from None
     try:
         return json.loads(text, object_pairs_hook=_once)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RepeatedKey) as error:
         raise ValueError(f"{path} is not a {content} file: {error}") from None
+    except ValueError:  # of int(), on more digits than it takes
+        raise ValueError(f"{path} is not a {content} file: it holds an integer of too many digits") from None
     except RecursionError:
         raise ValueError(f"{path} is not a {content} file: it is nested too deeply") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object; raise ValueError for a key that stands twice."""
+    """Return an object; raise RepeatedKey for a key that stands twice."""
     table = dict(pairs)
     if len(table) < len(pairs):
         keys = [key for key, _ in pairs]
-        raise ValueError(f"the file's key {next(key for key in table if keys.count(key) > 1)!r} stands twice")
+        raise RepeatedKey(f"its key {shown(next(key for key in table if keys.count(key) > 1))} stands twice")
     return table
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import UserError, require_regular_file
+from thbcad.checks import shortened
 
 
 def read_arrays(path: str | Path, needed: Iterable[str] = ()) -> dict[str, NDArray[Any]]:
@@ -28,8 +27,12 @@ def read_arrays(path: str | Path, needed: Iterable[str] = ()) -> dict[str, NDArr
             raise ValueError("it holds one array without a name")
         with file:
             arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
-        raise UserError(f"{path} is no file of plain arrays: {error}; run the design again") from None
+            for name, array in arrays.items():
+                if not isinstance(array, np.ndarray):  # numpy returns bytes of a member without its mark
+                    raise ValueError(f"its member {name} is no .npy array")
+    except Exception as error:  # zip files, numpy and zlib may raise anything on a damaged file
+        reason = shortened(str(error))
+        raise UserError(f"{path} is no file of plain arrays: {reason}; run the design again") from None
     for name in needed:
         if name not in arrays or arrays[name].dtype.kind not in "biuf":
             raise UserError(f"{path} has no array {name} of numbers; run the design again")

@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from thbcad.checks import Floats
-from thbcad.texts import number
+from thbcad.texts import NUMBER, number
 
 NO_NUMBERS = ("nan", "inf", "infinity")
 MOST_ANGLES = 100_000  # of one kind: every hundredth of a degree would be 36 001
@@ -63,9 +63,13 @@ class FileNumbers:
         return values if (np.diff(values) > 0).all() else np.empty(0)
 
     def require_end(self) -> None:
-        """Raise UserError where numbers follow that the header does not promise."""
+        """Raise UserError where words follow that the header does not promise."""
         if self.left:
-            raise UserError(f"{self.left} more numbers follow than its header promises; its counts are wrong")
+            first = self._words[self._next]
+            if not NUMBER.fullmatch(first):
+                raise UserError(f"text follows its last number, from {first[:20]!r} on; delete it")
+            more = "1 more number follows" if self.left == 1 else f"{self.left} more numbers follow"
+            raise UserError(f"{more} than its header promises; its counts are wrong")
 
 
 def parsed(word: str, what: str) -> float:

@@ -7,7 +7,8 @@ of type B at the ends of the width:
     A   d = (sin V, cos V sin H, cos V cos H)        B   d = (cos H sin V, sin H, cos H cos V)
 
 Between the angles of a file the intensity is bilinear in V and H, beyond them it is zero.  It is taken at the
-nodes of a finer grid of C and gamma, and scaled so that the flux is kept.
+nodes of a grid of C and gamma, twice as fine as the file where memory allows, and scaled so that the flux is
+kept.
 
 Sources: ANSI/IESNA LM-63-02, Standard file format for the electronic transfer of photometric data, 2002; IES
 LM-75-01, Goniophotometer types and photometric coordinates, 2001.
@@ -15,7 +16,7 @@ LM-75-01, Goniophotometer types and photometric coordinates, 2001.
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, sqrt
 
 import numpy as np
 
@@ -32,7 +33,11 @@ from thbcad.checks import Floats
 
 TYPE_C, TYPE_B, TYPE_A = 1, 2, 3  # as LM-63 numbers them
 QUARTER = 90.0  # degrees: the greatest V and H
-STEPS = 0.25, 2.5  # degrees of gamma: half the least step of a file, within these; C has twice as large ones
+GREATEST_STEP = (
+    2.5  # degrees of gamma, also where half the least step of a file is larger; of C it is doubled
+)
+MOST_NODES = 2_000_000  # about, of the grid of C and gamma: 0.3 GB while it is made
+PEAK_CHANGE = 0.02  # of the file's peak, by which a grid that is coarser than half the file's step may differ
 
 
 def as_type_c(kind: int, v: Floats, h: Floats, candela: Floats) -> tuple[Floats, Floats, Floats]:
@@ -49,8 +54,12 @@ def as_type_c(kind: int, v: Floats, h: Floats, candela: Floats) -> tuple[Floats,
     h, rows = _mirrored("horizontal", h, candela.T)
     values = rows.T if kind == TYPE_A else rows  # turns around the pole first, then latitudes
     turn, latitude = (h, v) if kind == TYPE_A else (v, h)
-    step = np.clip(min(np.diff(v).min(), np.diff(h).min()) / 2, *STEPS)
+    half = float(min(np.diff(v).min(), np.diff(h).min(), 2 * GREATEST_STEP)) / 2
+    farthest = np.cos(np.radians(np.abs(turn).max())) * np.cos(np.radians(np.abs(latitude).max()))
+    reach = float(np.degrees(np.arccos(farthest)))  # the greatest gamma of a direction in the file
+    step = max(half, sqrt(FULL_TURN / 2 * reach / MOST_NODES))
     gammas = np.linspace(0.0, QUARTER, ceil(QUARTER / step) + 1)
+    gammas = np.append(gammas[:-1][gammas[:-1] < reach + 2 * step], QUARTER)
     planes = np.linspace(0.0, FULL_TURN, 4 * ceil(QUARTER / (2 * step)) + 1)
     x, y, z = directions_at(*(axis.ravel() for axis in np.meshgrid(planes, gammas, indexing="ij")))
     pole, across = (x, y) if kind == TYPE_A else (y, x)
@@ -60,9 +69,16 @@ def as_type_c(kind: int, v: Floats, h: Floats, candela: Floats) -> tuple[Floats,
     found[-1] = found[0]
     held = values * np.outer(interval_halves(np.radians(turn)), hat_integrals(np.radians(latitude + QUARTER)))
     kept = found * np.outer(interval_halves(np.radians(planes)), hat_integrals(np.radians(gammas)))
-    if not kept.sum() > 0:
+    if not held.sum() > 0:
         raise UserError("it has no light within 90 degrees of the beam")
-    return planes, gammas, found * (held.sum() / kept.sum())
+    candela = found * (held.sum() / kept.sum()) if kept.any() else found
+    if step > half and abs(candela.max() / values.max() - 1) > PEAK_CHANGE:
+        raise UserError(
+            f"its angles are as close as {2 * half:.2g} degrees over a cone of {reach:.3g} degrees around "
+            f"the beam, which takes more than {MOST_NODES:,} nodes of type C: at {step:.2g} degrees its peak "
+            f"of {values.max():.4g} would be {candela.max():.4g}; leave out dark angles"
+        )
+    return planes, gammas, candela
 
 
 def _mirrored(name: str, angles: Floats, rows: Floats) -> tuple[Floats, Floats]:

@@ -21,11 +21,11 @@ from optics.scene.luminaires.intensity_record import Luminaire, Opening
 from optics.scene.luminaires.plane_symmetry import full_turn
 from thbcad.doors import loaded
 
-TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(.*?)[ \t]*$", re.MULTILINE | re.IGNORECASE)
+TILT = re.compile(r"^[ \t]*TILT[ \t]*=(.*)$", re.MULTILINE | re.IGNORECASE)
 YEAR = re.compile(r"IES(?:NA)?:? *(?:LM-63-?)?(\d{4}|\d\d)\b")
 FIRST_YEAR = 1986  # of the standard
 LATER = 2002  # from then on something else is in the place of the ballast-lamp factor
-COMMA = re.compile(r"[\d.+-]+,\d+")
+COMMA = re.compile(r"(?<![\d.+-])[\d.+-]++,\d+")
 DECIMAL_COMMA = re.compile(r"(?<![\d.,])0,\d|\d,(?!\d{3}(?!\d))\d")  # such a comma marks no thousands
 LOWEST, HORIZON = (-90.0, 0.0), 90.0  # degrees, where vertical angles begin; HORIZON: all light goes up
 SIDES = ("width", "length", "height")
@@ -47,14 +47,14 @@ def luminaire_of_ies(text: str) -> Luminaire:
     """
     *_, tilt = TILT.finditer(text)  # numbers alone follow it
     first, _, _ = text.partition("\n")
-    year, numbers = _year(first), text[tilt.end() :]
+    year, kind, numbers = _year(first), tilt[1].strip(), text[tilt.end() :]
     try:
-        return _read(tilt[1], year, numbers.replace(",", " "))
+        return _read(kind, year, numbers.replace(",", " "))
     except UserError as error:
         if "," not in numbers:
             raise
         try:
-            luminaire = _read(tilt[1], year, numbers.replace(",", "."))
+            luminaire = _read(kind, year, numbers.replace(",", "."))
         except UserError:
             raise error from None
     if "." in numbers or DECIMAL_COMMA.search(numbers) is None:

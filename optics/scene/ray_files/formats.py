@@ -42,15 +42,11 @@ def read_rays(path: str | Path) -> RaySet:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from None
     except ValueError:  # mmap takes no empty file
         raise UserError(f"{path} is empty; give a ray file") from None
-    start = bytes(data[:4])
-    reader = READERS.get(start, read_text_rays)
+    reader = READERS.get(bytes(data[:4]), read_text_rays)
     try:
         return reader(path, data)
     except UserError as error:
-        said = str(error) if str(path) in str(error) else f"{path}: {error}"
-        if start not in READERS:
-            said += f"; it is no binary ray file of TM-25, LightTools or Zemax: it begins with {start!r}"
-        raise UserError(said) from None
+        raise UserError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
 def write_rays(rays: RaySet, path: str | Path) -> None:

@@ -35,6 +35,8 @@ def curve_of(info: Mapping[Any, Any], encoding: str) -> Curve:
     """Return the curve of a picture.
 
     info : of Pillow.  encoding : "linear", or "srgb" for what the file states.
+
+    Raises ValueError : an ICC profile whose curve is constant, negative or infinite.
     """
     if encoding == "linear":
         return LINEAR
@@ -64,9 +66,13 @@ def _power(exponent: float) -> Callable[[Floats], Floats]:
 
 def _unless_srgb(decoded: Callable[[Floats], Floats] | None, stated: str) -> Curve:
     values = np.linspace(0, 1, 256)
-    if decoded is None or np.abs(decoded(values) - srgb_decoded(values)).max() < LIKE_SRGB:
+    if decoded is None:
         return SRGB
-    return Curve(decoded, stated)
+    with np.errstate(all="ignore"):  # of damaged profiles
+        light = decoded(values)
+    if not (np.isfinite(light).all() and light.min() >= 0 and light.max() > light.min()):
+        raise ValueError(f"{stated} is damaged, because its curve leads from {light[0]:g} to {light[-1]:g}")
+    return SRGB if np.abs(light - srgb_decoded(values)).max() < LIKE_SRGB else Curve(decoded, stated)
 
 
 def _of_profile(profile: bytes) -> Callable[[Floats], Floats] | None:

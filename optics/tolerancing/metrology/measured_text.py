@@ -9,26 +9,28 @@ import numpy as np
 from optics.base.runtime import UserError
 from optics.tolerancing.metrology.instrument_files import MOST_POINTS
 from thbcad.checks import Floats
-from thbcad.texts import columns_by_blanks, number
+from thbcad.texts import EMPTY, column_mark, columns_by_blanks, is_damaged_row, number
 
 GRID_HEADER = 7  # numbers: nx ny dx dy unit xdec ydec
 GRID_MISSING = 4  # column of a grid's rows that is not 0 where there is no data
 JUDGED = 1 << 16  # letters, from which the layout of a text is known
 MOST_LINES = MOST_POINTS + 100_000  # of text: headers and comments are few
-COMMENT = re.compile(r"""^[^\S\n]*(?:#|%|!|//|;|"|').*$""", re.MULTILINE)
+COMMENT = re.compile(r"""^[^\S\n]*(?:#|%|!|//|"|').*$""", re.MULTILINE)
+COMMENT_OR_SEMICOLON = re.compile(r"""^[^\S\n]*(?:#|%|!|//|;|"|').*$""", re.MULTILINE)
+QUOTED = re.compile(r'"([-+.,0-9eEdD \t]*)"')  # a number as some programs write CSV
 REMARK = re.compile(r"[#%!].*$", re.MULTILINE)
 # what programs write in the place of a value, by letters without which a text has none of it: long texts are
 # searched for these first
-MISSING = {
-    "*": re.compile(r"\*+"),
-    "--": re.compile(r"(?<![\w.])-{2,}(?![\w.])"),
-    "#": re.compile(r"[-+]?1\.#(?:QNAN|SNAN|IND|INF)\w*", re.IGNORECASE),  # Windows
-    "(": re.compile(r"[-+]?nan\(\w*\)", re.IGNORECASE),
-    "a": re.compile(r"\b(?:no[ _]?data|n/?a|bad)\b", re.IGNORECASE),
-    "A": re.compile(r"\b(?:no[ _]?data|n/?a|bad)\b", re.IGNORECASE),
-}
-EMPTY_FIELD = re.compile(r"([,;])(?=[^\S\n]*(?:[,;]|$))", re.MULTILINE)
-EMPTY_BETWEEN_TABS = re.compile(r"(\t)(?= *(?:\t|$))", re.MULTILINE)
+MISSING = (
+    (("*",), re.compile(r"\*+")),
+    (("--",), re.compile(r"(?<![\w.])-{2,}(?![\w.])")),
+    ((",-,",), re.compile(r"(?<=,)-(?=,)")),
+    (("-\t", "-;", "- ", "-\n", "-,"), re.compile(r"(?<![^\s,;])-(?![^\s,;])(?!,\d)")),
+    (("#",), re.compile(r"[-+]?1\.#(?:QNAN|SNAN|IND|INF)\w*", re.IGNORECASE)),  # Windows
+    (("(",), re.compile(r"[-+]?nan\(\w*\)", re.IGNORECASE)),
+    (("a", "A"), re.compile(r"\b(?:no[ _]?data|n/?a|bad)\b", re.IGNORECASE)),
+    (("ul", "UL", "on", "ON"), re.compile(r"\b(?:null|none)\b", re.IGNORECASE)),
+)
 NO_NUMBERS = ("nan", "inf", "infinity")
 
 
@@ -41,8 +43,14 @@ def number_rows(text: str, name: str, columns: int = 3) -> Floats:
         things.
     """
     rows = _rows(text, name, columns)
-    first = next((k for k, (_, row) in enumerate(rows) if _numbers(row, columns) is not None), None)
-    if first is None:
+    first = next((k for k, (_, row) in enumerate(rows) if _numbers(row, columns) is not None), len(rows))
+    for line, row in rows[:first]:
+        if is_damaged_row(row.split()[:columns]):
+            raise UserError(
+                f"line {line} of {name} holds {row.strip()[:60]!r}, not {columns} numbers; mend it, or begin "
+                "it with # if it is a remark"
+            )
+    if first == len(rows):
         raise UserError(f"{name} holds no row of {columns} numbers")
     rows = rows[first:]
     if len(rows) > MOST_POINTS:
@@ -102,24 +110,18 @@ def _rows(text: str, name: str, columns: int) -> list[tuple[int, str]]:
         raise UserError(
             f"{name} has {lines:,} lines, and at most {MOST_POINTS:,} points are read; thin it out"
         )
-    by_tabs = _parted_by_tabs(text[:JUDGED])
-    text = COMMENT.sub("", text)
-    for letters, missing in MISSING.items():
-        text = missing.sub("nan", text) if letters in text else text
+    text = QUOTED.sub(r"\1", text) if '"' in text else text
+    mark = column_mark(text[:JUDGED])
+    text = (COMMENT if mark == ";" else COMMENT_OR_SEMICOLON).sub("", text)
+    for letters, missing in MISSING:
+        text = missing.sub("nan", text) if any(part in text for part in letters) else text
     text = REMARK.sub("", text)
-    for empty in (EMPTY_FIELD, EMPTY_BETWEEN_TABS) if by_tabs else (EMPTY_FIELD,):
-        text = empty.sub(r"\1 nan ", text)
+    text = EMPTY[mark].sub(" nan ", text) if mark in text else text
     try:
         text = columns_by_blanks(text, columns)
     except ValueError as error:
         raise UserError(f"{name}: {error}") from None
     return [(k, row) for k, row in enumerate(text.split("\n"), 1) if row and not row.isspace()]
-
-
-def _parted_by_tabs(text: str) -> bool:
-    """Return whether single tabs part the columns of most lines, so that nothing between two is a value."""
-    lines = [line.strip(" ") for line in text.split("\n") if "\t" in line]
-    return 2 * sum("\t\t" not in line and line == line.strip() for line in lines) > len(lines)
 
 
 def _numbers(row: str, columns: int) -> list[float] | None:

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -50,4 +51,47 @@ def test_arrays_of_objects_are_refused_and_no_code_runs(tmp_path):
 def test_damaged_files_are_refused_in_a_sentence(tmp_path, made, words):
     made(tmp_path / "a.npz")
     with pytest.raises(UserError, match=words):
+        read_arrays(tmp_path / "a.npz", ["irradiance"])
+
+
+def member(content, name="irradiance.npy"):
+    """Return what writes a zip archive with one member."""
+
+    def write(path):
+        with ZipFile(path, "w") as archive:
+            archive.writestr(name, content)
+
+    return write
+
+
+def changed(offset, value):
+    """Return what writes an archive whose directory and local header have another number."""
+
+    def write(path):
+        np.savez(path, irradiance=np.eye(2))
+        data = bytearray(path.read_bytes())
+        for mark, shift in ((b"PK\3\4", 0), (b"PK\1\2", 2)):
+            data[data.index(mark) + offset + shift] = value
+        path.write_bytes(data)
+
+    return write
+
+
+def header(text):
+    return b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text.encode()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        member(b"text", "irradiance"),
+        member(header("{'descr': (\n")),
+        member(header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }\n")),
+        changed(6, 1),  # encrypted
+        changed(8, 99),  # an unknown compression
+    ],
+)
+def test_archives_of_something_else_are_refused_in_a_sentence(tmp_path, made):
+    made(tmp_path / "a.npz")
+    with pytest.raises(UserError, match=r"a\.npz is no file of plain arrays: .*; run the design again"):
         read_arrays(tmp_path / "a.npz", ["irradiance"])

@@ -103,3 +103,22 @@ def test_one_horizontal_angle_is_light_around_the_beam():
     np.testing.assert_array_equal(candela, [[3, 1], [3, 1]])
     with pytest.raises(UserError, match="one horizontal angle means light that is symmetric around the beam"):
         as_type_c(TYPE_B, np.array([-40.0, 0, 40]), np.zeros(1), np.array([[1.0, 3, 2]]))
+
+
+@pytest.mark.parametrize("kind", [TYPE_A, TYPE_B])
+def test_a_narrow_beam_keeps_its_peak(kind):
+    angles = np.linspace(-10, 10, 201)  # steps of 0.1 degrees
+    beam = 1000 * np.exp(-np.add.outer(angles**2, angles**2) / (2 * 0.3**2))
+    lamp = converted(kind, angles, angles, beam)
+    assert lamp.candela.max() == pytest.approx(1000, rel=5e-3)
+    assert lamp.flux == pytest.approx(1000 * 2 * np.pi * np.radians(0.3) ** 2, rel=2e-3)  # of a Gaussian
+
+
+def test_a_spot_finer_than_the_grid_is_refused_by_its_peak():
+    angles = np.concatenate([np.linspace(-90, -2, 12), np.linspace(-1.99, 2, 400), np.linspace(10, 90, 9)])
+    spot = np.zeros((len(angles), len(angles)))
+    spot[12 + 253, 12 + 347] = 1000.0
+    with pytest.raises(UserError, match=r"angles are as close as 0\.01 degrees over a cone of 90 degrees"):
+        as_type_c(TYPE_B, angles, angles, spot)
+    with pytest.raises(UserError, match="no light within 90 degrees"):
+        as_type_c(TYPE_B, angles, angles, 0 * spot)

@@ -2,6 +2,7 @@
 
 import re
 from contextlib import suppress
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -341,6 +342,7 @@ BAD = {
     "words": ("a\nb\nc\nd\n", "symmetry"),
     "ies: ends early": (cut(ies_text(), 1), "promises 3 candela values, and 2 numbers are left"),
     "ies: only a head": ("IESNA91\nTILT=NONE\n1 -1", "ends before its candela multiplier"),
+    "ies: a word at the end": (ies_text() + "[END]\n", r"text follows its last number, from '\[END\]' on"),
     "ies: more numbers": (ies_text() + "7 7\n", "2 more numbers follow"),
     "ies: a huge count": (ies_text(verticals=10**9), "from 2 to 100000"),
     "ies: huge counts": (ies_text(verticals=99999, horizontals=99999), "promises 99999 vertical"),
@@ -395,7 +397,7 @@ BAD = {
     ),
     "ldt: ends early": ("\n".join(ldt_lines()[:-2]), "promises 12 intensities, and 10 numbers are left"),
     "ldt: only a head": ("\n".join(ldt_lines()[:20]), "ends before its"),
-    "ldt: more numbers": ("\n".join([*ldt_lines(), "5"]), "1 more numbers follow"),
+    "ldt: more numbers": ("\n".join([*ldt_lines(), "5"]), "1 more number follows"),
     "ldt: symmetry 7": (changed(2, "7"), "symmetry .line 3. must be a whole number from 0 to 4"),
     "ldt: no count": (changed(3, ""), "number of planes C .line 4. must be numbers"),
     "ldt: a huge count": (changed(5, "1e12"), "number of angles gamma .line 6. must be a whole"),
@@ -453,3 +455,16 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path_factory, da
     path = written(tmp_path_factory.mktemp("bad"), bytes(damaged))
     with suppress(UserError):
         assert np.isfinite(read_luminaire(path).flux)
+
+
+def test_long_lines_of_an_ies_file_take_linear_time(tmp_path):
+    begun = perf_counter()
+    assert of_ies(tmp_path, header="TILT=" + " " * 200_000 + "NONE  ").flux > 0
+    for text in (
+        ies_text(header="TILT=a" + " " * 200_000 + "b"),
+        ies_text(candela=((100, "0" * 200_000 + "1", "0,5"),)),
+    ):
+        (tmp_path / "lamp.ies").write_text(text)
+        with pytest.raises(UserError):
+            read_luminaire(tmp_path / "lamp.ies")
+    assert perf_counter() - begun < 3  # quadratic: many minutes

@@ -132,6 +132,14 @@ TEXTS = {
     "a count and inches": ("2 1\n" + TEXT, 25.4, "W"),
     "commas": (TEXT.replace(" ", ","), 1.0, "W"),
     "decimal commas between tabs": (TEXT.replace(" ", "\t").replace(".", ","), 1.0, "W"),
+    "a remark behind a row": (TEXT.replace("1.5\n", "1.5 # the first\n"), 1.0, "W"),
+    "commas at the ends": (TEXT.replace(" ", ",").replace("\n", ",\n"), 1.0, "W"),
+    "a unit of inches": ("# unit inch\n" + TEXT, 25.4, "W"),
+    "columns in m": ("# x[m] y[m] z[m] l m n flux [W]\n" + TEXT, 1000.0, "W"),
+    "a line of units": ("# [cm] [cm] [cm] - - - [lm]\n" + TEXT, 10.0, "lm"),
+    "names with units": ("x_mm y_mm z_mm L M N flux in W; positions in 3D\n" + TEXT, 1.0, "W"),
+    "a lens of 1 inch": ("# lens of 1 inch, 05.01.2024, wavelength unit: um\n" + TEXT, 1.0, "W"),
+    "a date": ("05.01.2024, 14:33 Uhr\n" + TEXT, 1.0, "W"),
     "Fortran exponents": (TEXT.replace("1.5", "15.0D-01"), 1.0, "W"),
 }
 
@@ -192,6 +200,14 @@ def test_files_laid_out_by_hand_are_read(tmp_path, name):
         (b"1\n1 2 3 0 0 1 0.5\n1 2 3 0 0 1 0.5\n", "holds 2 rays, and its head says 1"),
         (b"1 7\n1 2 3 0 0 1 0.5\n", "unknown unit 7 of length"),
         (b"1 2 3 0 0 1 0.5 550 9\n", "rows of 9 numbers"),
+        (b"1,,3,4,0,0,1,1,9\n", "line 1 of .* has an empty field"),
+        (b"nan 0 0 0 0 1 1\n1 2 3 0 0 1 0.5\n", "line 1 of .* holds 'nan 0 0 0 0 1 1'"),
+        (b"0 0 0 0 0 1 1x\n1 2 3 0 0 1 0.5\n", "line 1 of .* holds '0 0 0 0 0 1 1x'"),
+        (b"0 0 0 0 0 1\n1 2 3 0 0 1 0.5\n", "line 1 of .* holds '0 0 0 0 0 1', not the numbers"),
+        (b"# units: micron\n1 2 3 0 0 1 0.5\n", "its head names the unit micron of length"),
+        (b"# unit cm\n1 1\n1 2 3 0 0 1 0.5\n", "several units of length in its head: 10 mm and 25.4 mm"),
+        (b"# flux in W, not lm\n1 2 3 0 0 1 0.5\n", "its head names two units of flux, 'in W' and 'lm'"),
+        (b"1 2 3 0 0 1 1 0.55\n1 2 3 0 0 1 1 550\n", "wavelengths from 0.55 to 550: up to 30"),
         (b"1 2 3 0 0 2 0.5\n", "direction of ray 0 must have length 1, got 2"),
         (b"\x89PNG\r\n\x1a\n" + bytes(50), "it is a PNG picture"),
         (by_hand_zemax(count=4_000_000_000), "4000000000 rays of 28 bytes behind 208 bytes need"),
@@ -227,6 +243,13 @@ def test_files_that_lie_are_one_sentence(tmp_path, data, sentence):
     with pytest.raises(UserError, match=sentence) as caught:
         read_rays(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_text_with_rays_is_not_called_a_damaged_binary_file(tmp_path):
+    (tmp_path / "rays.txt").write_text("1 2 3 0 0 1 0.5\n1 2 3 0 0 1\n")
+    with pytest.raises(UserError, match="line 2") as caught:
+        read_rays(tmp_path / "rays.txt")
+    assert "binary" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

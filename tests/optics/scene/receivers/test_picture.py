@@ -504,3 +504,18 @@ def test_a_tiff_whose_zero_is_white_is_read_so(tmp_path, depth):
     if depth is np.uint8:  # Pillow turns what it writes, and what it reads
         stored = most - stored
     np.testing.assert_allclose(read_picture(tmp_path / "p.tif", "linear"), 1 - stored / most)
+
+
+@pytest.mark.parametrize(
+    ("curve", "leads"),
+    [
+        (CURV + struct.pack(">IH", 1, 0), "from 1 to 1"),  # light = v^0
+        (CURV + struct.pack(">I2H", 2, 0, 0), "from 0 to 0"),
+        (para(0, -1), "from inf to 1"),
+        (para(2, 1, 1, 0, -0.5), "from -0.5 to 0.5"),
+    ],
+)
+def test_a_damaged_curve_of_a_profile_is_named(tmp_path, curve, leads):
+    path = saved(tmp_path, grey(np.eye(4, dtype=np.uint8)), icc_profile=profile(b"kTRC", curve))
+    with pytest.raises(UserError, match=f"the ICC profile of the file is damaged, .* leads {leads}"):
+        read_picture(path)
