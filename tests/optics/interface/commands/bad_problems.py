@@ -132,7 +132,7 @@ PARTNERS = [
         "a lamp that diverges",
         LAMP | {"source.divergence": 1.0},
         "source.divergence",
-        'has no effect with source.kind = "luminaire"',
+        'has no effect with source.kind = "lambertian"',
     ),
     (
         "a Gaussian without its width",
