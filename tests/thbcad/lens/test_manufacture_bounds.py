@@ -155,7 +155,7 @@ def test_radii_of_any_part_of_a_sphere_enclose_its_radius(half_width):
 @pytest.mark.parametrize(
     ("name", "half_width", "words"),
     [
-        ("edge", (1.0, 1.0), "name must be \"front\" or \"rear\", got 'edge'"),
+        ("edge", (1.0, 1.0), 'name must be "front" or "rear", got \'edge\''),
         ("rear", (-1.0, 1.0), "half_width must be"),
         ("rear", (1.0, np.nan), "half_width must be"),
     ],

@@ -180,7 +180,8 @@ def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear
     ("name", "options", "words"),
     [
         ("rectangle", {"edge_radius": 0.3}, "without sharp corners"),
-        ("round", {"edge_radius": 3}, "beyond the rounding of the rear at .* take 2.2 mm, which fits"),
+        ("round", {"edge_radius": 3}, "beyond the rounding of the rear at .* take 2.5 mm, which fits"),
+        ("round", {"edge_radius": 1000}, "no ball of this radius touches .* take 2.5 mm, which fits"),
         ("round", {"edge_radius": 4, "draft": 2}, "beyond the parting line .* mm, which fits"),
         ("round", {"edge_radius": -1}, "edge_radius must be"),
     ],
