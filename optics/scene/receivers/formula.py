@@ -25,7 +25,7 @@ from thbcad.checks import Bools, Floats
 
 SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is right to 0.2 % (L2)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
-# ns of one core per sample point: of the mean, which is an operation too, of a function or a power, and of other operations
+# ns of one core per sample point: of the mean (an operation too), of a function or a power, and of others
 MEAN_NS, FUNCTION_NS, OTHER_NS = 25, 10, 1
 LONGEST, NOTED = 60.0, 5.0  # seconds that a formula may take, and from where on it is said
 
