@@ -25,7 +25,7 @@ from thbcad.checks import Bools, Floats
 
 SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is right to 0.2 % (L2)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
-# ns of one core per sample point: of the mean (an operation too), of a function or a power, and of others
+# ns of one core per sample point: of the mean, of a function or a power, and of others
 MEAN_NS, FUNCTION_NS, OTHER_NS = 25, 10, 1
 LONGEST, NOTED = 60.0, 5.0  # seconds that a formula may take, and from where on it is said
 
@@ -61,10 +61,7 @@ def require_quick(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     each = MEAN_NS + FUNCTION_NS * slow + OTHER_NS * (len(nodes) - slow)
     columns, rows = pixels
     seconds = 1e-9 * each * columns * rows * subpoints**2
-    took = (
-        f"{1 + len(nodes)} operations at {columns * subpoints} x {rows * subpoints} sample points take about "
-        f"{seconds:.0f} s"
-    )
+    took = f"{columns * subpoints} x {rows * subpoints} sample points take about {seconds:.0f} s"
     if seconds > LONGEST:
         fewer = [int(n * (LONGEST / seconds) ** 0.5) for n in pixels]
         raise UserError(
