@@ -22,7 +22,7 @@ from thbcad.certified import (
     rounding,
     value_range,
 )
-from thbcad.checks import EPS, Floats, require_number, require_type
+from thbcad.checks import EPS, Floats, require_number, require_type, shown
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.graph_pieces import segment
 from thbcad.lens.lens import Lens
@@ -32,6 +32,7 @@ from thbcad.splines import UNIT, BSplineSurface
 
 HEIGHT = 1e-8  # tolerance of heights, of the greatest coefficient: 0.2 nm of 20 mm
 BENDING = 1e-5  # relative tolerance of slopes and radii: finer than they are measured
+LEAST_PART = 1e-3  # of the half-width: the smallest part whose radii are bounded
 LEAST_LINES = 33  # each way, between which areas inside an outline are summed
 NM_PER_MM = 1e6
 MM3_PER_CM3 = 1e3
@@ -175,11 +176,18 @@ def radii_within(lens: Lens, name: str, half_width: tuple[float, float]) -> tupl
     """Return the least radii of curvature of the "front" or "rear", concave and convex as seen from the air,
     over the part within half-widths, in mm.
 
-    The part has the shape of the outline.  Half-widths beyond the surface are cut to its own.
+    The part has the shape of the outline.  Half-widths beyond the surface are cut to its own; those below
+    1e-3 of its own are raised to this, because rounding errors would hide the bending of a smaller part.
+
+    Raises ValueError : another name; a half-width that is not a finite number of at least 0.
     """
+    if name not in ("front", "rear"):
+        raise ValueError(f'name must be "front" or "rear", got {shown(name)}')
+    for part in half_width:
+        require_number("half_width", part, least=0, finite=True)
     surface: FreeformSurface = getattr(lens, name)
     graph = lens.graphs()[name == "rear"]
-    hx, hy = (min(part, whole) for part, whole in zip(half_width, surface.half_width))
+    hx, hy = (min(max(h, LEAST_PART * all_), all_) for h, all_ in zip(half_width, surface.half_width))
     if (hx, hy) != surface.half_width:
         graph = segment(graph, [hx, hy])
     radii = least_radii(graph, BENDING, surface.outline.scaled((hx, hy)))

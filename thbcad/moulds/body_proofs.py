@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from thbcad.certified import minimum, value_range
 from thbcad.lens import require_sound, segment
 from thbcad.moulds.body_shape import BodyShape
@@ -13,7 +15,8 @@ from thbcad.moulds.inserts import FACES
 from thbcad.outlines import LEAST_SIZE
 from thbcad.sags import gap_graph
 
-SMALLER = (0.9, 0.75, 0.5, 0.35, 0.2, 0.1)  # of edge_radius, tried where it does not fit
+LEAST_RADIUS = 0.01  # mm, below which no fitting radius is looked for
+HALVINGS = 6  # of the interval that holds the largest fitting radius: to 2 %
 
 
 def require_parting(body: BodyShape) -> None:
@@ -78,21 +81,38 @@ def require_radius(body: BodyShape) -> None:
     """Raise ValueError where a rounded edge does not fit between its rim and the next edge."""
     if body.outline.is_rectangle:
         raise ValueError(
-            "edge_radius needs an outline without sharp corners, round which no ball rolls: take "
+            "lens.body.edge_radius needs an outline without sharp corners, round which no ball rolls: take "
             'lens.outline = "rounded" or edge_radius 0'
         )
     unfit = _unfit(body)
     if not unfit:
         return
-    for share in SMALLER:
-        radius = float(f"{share * body.edge_radius:.2g}")
-        if not _unfit(replace(body, edge_radius=radius)):
-            raise ValueError(
-                f"edge_radius = {body.edge_radius:g} mm is too large: {unfit}; take {radius:g} mm, which fits"
-            )
-    raise ValueError(
-        f"edge_radius = {body.edge_radius:g} mm is too large: {unfit}; make the wall higher, or take 0"
-    )
+    largest = _largest_radius(body)
+    advice = f"take {largest:g} mm, which fits" if largest else "make the wall higher, or take 0"
+    raise ValueError(f"lens.body.edge_radius = {body.edge_radius:g} mm is too large: {unfit}; {advice}")
+
+
+def _largest_radius(body: BodyShape) -> float:
+    """Return about the largest edge radius that fits, mm, with two digits; 0 where none is found.
+
+    It is halved until it fits, then found between a radius that fits and one that does not by bisection.
+    """
+
+    def fits(radius: float) -> bool:
+        return not _unfit(replace(body, edge_radius=radius))
+
+    high = min(body.edge_radius, max(body.outline.half_width))  # no ball within the wall is larger
+    low = high
+    while not fits(low):
+        low, high = low / 2, low
+        if low < LEAST_RADIUS:
+            return 0.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    step = 10.0 ** (np.floor(np.log10(low)) - 1)
+    radius = float(f"{np.floor(low / step) * step:.2g}")
+    return radius if fits(radius) else 0.0
 
 
 def _unfit(body: BodyShape) -> str:

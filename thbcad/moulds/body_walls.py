@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thbcad.checks import require_number
+from thbcad.checks import require_number, shown
 from thbcad.lens import Lens
 from thbcad.moulds.drafted_walls import DraftedWall
 from thbcad.moulds.inserts import FACES
@@ -40,12 +40,14 @@ class BodyOptions:
 
     def __post_init__(self) -> None:
         for name in ("draft", "edge_radius"):
-            require_number(name, getattr(self, name), least=0.0, finite=True)
+            require_number(f"lens.body.{name}", getattr(self, name), least=0.0, finite=True)
         if self.draft > MOST_DRAFT:
-            raise ValueError(f"draft must be at most {MOST_DRAFT:g} degrees, got {self.draft:g}")
+            raise ValueError(f"lens.body.draft must be at most {MOST_DRAFT:g} degrees, got {self.draft:g}")
         for name in ("parting", "land"):
             if getattr(self, name) is not None:
-                require_number(name, getattr(self, name), finite=True)
+                require_number(f"lens.body.{name}", getattr(self, name), finite=True)
+        if not isinstance(self.annulus, bool):
+            raise ValueError(f"lens.body.annulus must be true or false, got {shown(self.annulus)}")
         if self.land is not None and not self.annulus:
             raise ValueError("a land needs annulus = true, got its z alone")
 

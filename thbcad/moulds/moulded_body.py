@@ -22,8 +22,10 @@ from thbcad.moulds.body_walls import (
 from thbcad.moulds.drafted_walls import DraftedWall
 from thbcad.moulds.inserts import FACES
 from thbcad.outlines import RELATIVE, Outline
+from thbcad.splines import KnotVector
 
 ROUGH = 1e-2  # relative, of bounds that need no more
+SHORT_SPANS = 4096  # of a piece of a rim: their hulls exceed a circle of radius r by less than 3e-7 r
 
 
 class MouldedBody(BodyShape):
@@ -125,21 +127,17 @@ class MouldedBody(BodyShape):
         return within(0), within(1)
 
     def _depth(self, number: int) -> float:
-        """Return how far walls and rounded edges reach into the outline of front or rear at most, mm."""
-        return self.least_inset[number] + (self._radius_reach(number)[0] if number in self.rounded else 0.0)
+        """Return how far walls and rounded edges reach into the outline of front or rear at most, mm.
 
-    def _radius_reach(self, number: int) -> tuple[float, float]:
-        """Return bounds of how far a rounded edge reaches in from the wall, and down it from the rim, mm.
-
-        A ball of radius r that rolls along wall and surface, of draft d and slopes up to tan(s), touches the
-        surface at most a = r (1 / cos d + sin s) from the wall, where it is at most a tan(s) lower than its
-        rim; it touches the wall at most r + a tan(s) below the rim.
+        A curve lies in the hull of the poles of each of its spans, which lies beyond their least support in
+        a direction n.  An outline of less support there does not meet it.
         """
-        surface, graph = (self.lens.front, self.lens.rear)[number], self.lens.graphs()[number]
-        slope = greatest_slope(graph, ROUGH, surface.outline).upper
-        draft, radius = np.radians(self.walls[0].draft), self.edge_radius
-        across = radius * (1 / np.cos(draft) + np.sin(np.arctan(slope)))
-        return float(across * (1 + np.tan(draft) * slope)), float(radius + across * slope)
+        if number not in self.rounded:
+            return self.least_inset[number]
+        return max(
+            _reach(self.outline, piece.kv, piece.on_surface[:, :2])
+            for piece in self.rounded_edges[number].pieces
+        )
 
     def require_clear(self, clear: tuple[Outline, Outline]) -> None:
         """Raise ValueError unless walls and rounded edges lie, proven, around outlines of front and rear.
@@ -162,6 +160,20 @@ class MouldedBody(BodyShape):
         off = [abs(wall.beside(x, y, z)).max() for wall in (*self.walls, self.inner) if wall is not None]
         off += [abs(z - self.inner.level).max()] if self.inner is not None else []
         return float(min(off))
+
+
+def _reach(outline: Outline, kv: KnotVector, poles: Floats) -> float:
+    """Return the greatest depth within an outline, mm, of a counter-clockwise curve of poles (n, 2)."""
+    fine = kv
+    while fine.spans < SHORT_SPANS:
+        fine = fine.bisect()
+    poles = kv.prolongation(fine) @ poles
+    first = np.flatnonzero(np.diff(fine.knots) > 0) - fine.degree
+    hulls = poles[first[:, None] + np.arange(fine.degree + 1)]  # (spans, degree + 1, 2)
+    u, v = (hulls[:, -1] - hulls[:, 0]).T / np.linalg.norm(hulls[:, -1] - hulls[:, 0], axis=1)
+    n = np.stack([v, -u])
+    depths = outline.support(n) - np.einsum("ks,spk->sp", n, hulls).min(axis=1)
+    return max(0.0, float(depths.max()))
 
 
 Solid: TypeAlias = Lens | MouldedBody  # what a lens is made as

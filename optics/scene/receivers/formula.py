@@ -25,7 +25,7 @@ from thbcad.checks import Bools, Floats
 
 SUBPOINTS = 8  # per pixel in each direction: the edge of a disk on 160 x 160 pixels is right to 0.2 % (L2)
 BAND_POINTS = 1 << 16  # evaluated together, unless a row of pixels has more
-# ns of one core per sample point: of the mean, of a function or a power, and of other operations
+# ns of one core per sample point: of the mean, of a function or a power, and of others
 MEAN_NS, FUNCTION_NS, OTHER_NS = 25, 10, 1
 LONGEST, NOTED = 60.0, 5.0  # seconds that a formula may take, and from where on it is said
 
@@ -61,15 +61,12 @@ def require_quick(text: str, pixels: tuple[int, int], subpoints: int = SUBPOINTS
     each = MEAN_NS + FUNCTION_NS * slow + OTHER_NS * (len(nodes) - slow)
     columns, rows = pixels
     seconds = 1e-9 * each * columns * rows * subpoints**2
-    took = (
-        f"{len(nodes)} operations at {columns * subpoints} x {rows * subpoints} sample points take about "
-        f"{seconds:.0f} s"
-    )
+    took = f"{columns * subpoints} x {rows * subpoints} sample points take about {seconds:.0f} s"
     if seconds > LONGEST:
         fewer = [int(n * (LONGEST / seconds) ** 0.5) for n in pixels]
         raise UserError(
-            f"target.formula is too long for so many pixels: {took}, and at most {LONGEST:.0f} s are "
-            f"allowed; take target.pixels = {fewer}, or a shorter formula"
+            f"target.formula takes too long on so many pixels: {took}, and at most {LONGEST:.0f} s are "
+            f"allowed; take target.pixels = {fewer}{', or a shorter formula' if nodes else ''}"
         )
     if seconds > NOTED:
         note(f"target.formula: {took}")
@@ -92,7 +89,7 @@ def _darkness(tree: ast.expr, pixels: tuple[int, int], subpoints: int) -> str:
             f"target.formula is greater than 0 only between its {columns} x {rows} sample points: its light "
             "is narrower than they are apart; make it wider, or take more target.pixels"
         )
-    return "target.formula is 0 everywhere on the target; it asks for no light"
+    return "target.formula is 0 everywhere on the target; make it greater than 0 where you want light"
 
 
 def formula_pixels(text: str, pixels: tuple[int, int]) -> Bools:
@@ -165,8 +162,9 @@ def _value(node: ast.expr, names: Mapping[str, Values]) -> Values:
             return np.float64(number)
         case ast.Name(id=name):
             return names[name]
-        case ast.UnaryOp(operand=operand):
-            return -_value(operand, names)
+        case ast.UnaryOp(op=op, operand=operand):
+            value = _value(operand, names)
+            return -value if isinstance(op, ast.USub) else value
         case ast.BinOp(left=left, op=op, right=right):
             return OPERATORS[type(op)](_value(left, names), _value(right, names))
         case ast.Compare(left=left, ops=ops, comparators=others):

@@ -119,7 +119,7 @@ def _fault(node: ast.expr, source: str) -> str:
             if name in FUNCTIONS or name in EXTREMES:
                 return f"the function {name} needs its values in parentheses"
             return "" if name in NAMES else f"unknown name {code}; {ALLOWED}"
-        case ast.UnaryOp(op=ast.USub()):
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
             return ""
         case ast.BinOp(op=op) if type(op) in OPERATORS:
             return ""

@@ -18,6 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from optics.base.runtime import UserError
 from thbcad.checks import Floats
@@ -33,6 +36,8 @@ BLIND = 1e-6  # of the greatest singular value: what moves points by less is not
 RIM = 1e-3  # of the half-width: so far beside the rim the surface goes on, with an error of third order
 OUTLYING, LEAST_OUTLYING = 50.0, 1e-4  # of the median distance; of the half-width: beyond any form error
 MOST_OUTLIERS = 0.02  # of the points: more are a part of the surface
+NEIGHBOURS = 8  # nearest points of an outlier that may belong to the same group
+MOST_TOGETHER = 24  # outliers in a group of dust, as in robust fits: more are an error of form
 NAMED = 0.05  # of a direction of length 1: a motion that has a part in it
 ANOTHER = "were they measured on this surface of this lens, and on most of it? --align datums needs no fit"
 MOTIONS = ("shift in x", "shift in y", "shift in z", "tilt about x", "tilt about y", "rotation about z")
@@ -81,31 +86,53 @@ def outliers(surface: FreeformSurface, here: Alignment) -> str | None:
     far = is_outlier(surface, here)
     if not far.any():
         return None
-    apart = np.abs(here.normal - np.median(here.normal)).max()
+    return f"{_count(here, far)}: leave them out of the file if they are dust or a slip of the probe"
+
+
+def _count(here: Alignment, far: NDArray[np.bool_]) -> str:
+    """Return how many points lie far from the others, how far, and about where."""
+    apart = np.abs(here.normal - np.median(here.normal))[far].max()
     x, y = here.points[:2, far].mean(axis=1)
     return (
         f"{far.sum():,} of {far.size:,} points lie up to {1e3 * apart:.3g} um from where the others "
-        f"do, round x = {x:.3g}, y = {y:.3g} mm: leave them out of the file if they are dust or a slip of "
-        "the probe"
+        f"do, round x = {x:.3g}, y = {y:.3g} mm"
     )
+
+
+def _isolated(here: Alignment, far: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which outliers form no larger group than dust does, (n,).
+
+    Two outliers belong to one group where one is among the nearest points of the other.
+    """
+    positions, at = here.points[:2].T, np.flatnonzero(far)
+    _, nearest = cKDTree(positions).query(positions[at], min(1 + NEIGHBOURS, far.size))
+    nearest = np.reshape(nearest, (at.size, -1))
+    one, other = np.repeat(at, nearest.shape[1]), nearest.ravel()
+    both = far[other]
+    links = coo_array((np.ones(both.sum()), (one[both], other[both])), shape=(far.size, far.size))
+    _, group = connected_components(links, directed=False)
+    alone: NDArray[np.bool_] = far & (np.bincount(group)[group] <= MOST_TOGETHER)
+    return alone
 
 
 def without_outliers(surface: FreeformSurface, points: Floats) -> tuple[Floats, str]:
     """Return points, (3, n) mm, without those few that lie far from the others, and a sentence on these.
 
-    They are looked for by datums, then by a best fit.  Where more than 2 % lie far, these are no slips: all
-    points stay.  The sentence is "" where none lies far.
+    They are looked for by datums, then by a best fit.  More than 24 outliers next to each other are an error
+    of form and stay.  Where more than 2 % of the points would go, these are no slips: all points stay.  The
+    sentence is "" where none goes.
     """
     for align, beside in ((by_datums, 0.0), (best_fit, RIM)):
         try:
             here = align(surface, points)
         except UserError:  # there is no best fit
             continue
-        said, far = outliers(surface, here), is_outlier(surface, here)
-        if said and far.sum() <= MOST_OUTLIERS * far.size:
+        far = is_outlier(surface, here)
+        if far.any() and (far := _isolated(here, far)).any() and far.sum() <= MOST_OUTLIERS * far.size:
             kept = ~_near(surface, points, here.motion, beside)
             kept[~kept] = ~far
-            return points[:, kept], f"{said}; the light is that of the others"
+            left_out = "they were left out as dust or slips of the probe; the light is that of the others"
+            return points[:, kept], f"{_count(here, far)}: {left_out}"
     return points, ""
 
 

@@ -12,7 +12,7 @@ from tests.thbcad.cases import refined_spaces, scipy_twin, surfaces
 from thbcad.hierarchy import THBSpace
 from thbcad.lens.freeform_surface import FreeformSurface
 from thbcad.lens.lens import Lens
-from thbcad.lens.manufacture_bounds import BENDING, HEIGHT, manufacturability
+from thbcad.lens.manufacture_bounds import BENDING, HEIGHT, manufacturability, radii_within
 from thbcad.lens.soundness import require_sound
 from thbcad.sags import Conic, square_coefficients
 from thbcad.splines import KnotVector
@@ -141,6 +141,28 @@ def test_a_sphere():
     assert found.convex.lower == np.inf
     strip = quad(lambda x: 2 * 30 * np.arcsin(4 / np.sqrt(900 - x**2)), -5, 5, epsabs=1e-13)[0]
     assert found.area == pytest.approx(strip, abs=found.area_error + 1e-9)
+
+
+@pytest.mark.parametrize("half_width", [(1e-2, 1e-2), (1e-4, 1e-4), (1e-9, 1e-9), (0.0, 0.0), (3.0, 1e-9)])
+def test_radii_of_any_part_of_a_sphere_enclose_its_radius(half_width):
+    concave, convex = radii_within(lens_of(rear=Conic(20.0, 0.0)), "rear", half_width)
+    assert concave.lower <= 20.0 * (1 + 1e-7)
+    assert concave.upper >= 20.0 * (1 - 1e-7)
+    assert concave.lower == pytest.approx(20.0, rel=1e-3)
+    assert convex.lower == np.inf
+
+
+@pytest.mark.parametrize(
+    ("name", "half_width", "words"),
+    [
+        ("edge", (1.0, 1.0), 'name must be "front" or "rear", got \'edge\''),
+        ("rear", (-1.0, 1.0), "half_width must be"),
+        ("rear", (1.0, np.nan), "half_width must be"),
+    ],
+)
+def test_parts_that_cannot_be_are_refused(name, half_width, words):
+    with pytest.raises(ValueError, match=words):
+        radii_within(lens_of(), name, half_width)
 
 
 def test_a_cylinder():

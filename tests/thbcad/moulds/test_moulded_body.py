@@ -1,9 +1,11 @@
 """What a body for a mould leaves free of its lens."""
 
+import numpy as np
 import pytest
 
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.moulds import BodyOptions, MouldedBody
+from thbcad.outlines import Outline
 from thbcad.sags import Conic
 
 
@@ -33,3 +35,20 @@ def test_no_outline_larger_than_the_surface_is_left_free():
         MouldedBody.of(
             lens, BodyOptions(annulus=True), (lens.front.outline, lens.rear.outline.scaled((11.8, 11.8)))
         )
+
+
+@pytest.mark.parametrize(("radius", "edge"), [(20.0, 0.7), (-20.0, 0.7), (8.0, 0.9)])
+def test_the_depth_of_a_rounded_edge_is_that_of_the_ball_between_wall_and_sphere(radius, edge):
+    """The centre of the ball lies edge within the wall, at x = 5 - edge, and |radius| - edge from the centre
+    of a convex sphere, |radius| + edge from that of a concave one: it touches at x |R| / (|R| -+ edge)."""
+    round_ = {"corners": (5.0, 5.0)}
+    front, rear = (FreeformSurface((5.0, 5.0), Conic(r), **round_) for r in (radius, -radius))
+    lens = Lens(front, rear, 8.0, 1.5)
+    touches = (5.0 - edge) * abs(radius) / (abs(radius) - np.copysign(edge, radius))
+    body = MouldedBody.of(lens, BodyOptions(edge_radius=edge))
+    for outline in body.free:
+        assert outline.half_width == pytest.approx((touches, touches), abs=1e-5)
+        assert outline.half_width[0] <= touches + 1e-8
+    body.require_clear((Outline.ellipse((touches - 1e-4,) * 2),) * 2)
+    with pytest.raises(ValueError, match="eats the clear aperture"):
+        body.require_clear((Outline.ellipse((touches + 1e-6,) * 2),) * 2)

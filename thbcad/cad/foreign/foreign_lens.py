@@ -132,6 +132,10 @@ def _found(path: Path, unit: str, shape: TopoDS_Shape) -> ForeignLens:
             "found"
         )
     main = max(curved, key=lambda face: face.area)
+    if not main.area > 0:
+        raise ValueError(
+            f"{path} holds curved faces without area; correct their radii or edges, which do not fit"
+        )
     normal = main.samples[1].mean(axis=0)
     frame = Pose(lens_axes(_group(solid, faces, main, normal), faces), np.zeros(3))
     axis = frame.rotation[:, 2]

@@ -180,7 +180,7 @@ FORMULAS = [
     ("negative light", _formula("x"), "target.formula", "max(0, ...) cuts it off"),
     ("infinite light", _formula("1/0"), "target.formula", "light must be finite"),
     ("no number", _formula("sqrt(-1 - r)"), "target.formula", "look for 0 / 0"),
-    ("no light", _formula("0 * x"), "target.formula", "asks for no light"),
+    ("no light", _formula("0 * x"), "target.formula", "greater than 0 where you want light"),
     ("150 signs", _formula("-" * 150 + "x"), "target.formula", "in a simpler way"),
     ("a formula of 3000 characters", _formula("x+" * 1500 + "1"), "target.formula", "at most 2000"),
     ("too few values", _formula("hypot(x)"), "target.formula", "takes 2 values"),

@@ -124,6 +124,10 @@ def test_formulas_are_as_numpy_computes_them(text):
     np.testing.assert_allclose(formula_light(text, (24, 14)), means(PLAIN[text], (24, 14)), atol=1e-12)
 
 
+def test_a_plus_sign_changes_nothing():
+    np.testing.assert_array_equal(formula_light("+(2 + x)", (9, 5)), formula_light("2 + x", (9, 5)))
+
+
 @given(part=expressions(), pixels=st.tuples(st.integers(2, 6), st.integers(2, 6)))
 @MANY
 def test_random_formulas_are_as_an_independent_evaluator_has_them(part, pixels):

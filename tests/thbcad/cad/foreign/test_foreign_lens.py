@@ -379,6 +379,16 @@ def test_what_is_no_lens_is_refused(tmp_path, shape, words):
         read_lens_solid(written(shape().wrapped, tmp_path / "lens.step"))
 
 
+def test_a_radius_that_does_not_fit_its_edge_is_refused_with_the_path(tmp_path):
+    ball = bd.Sphere(20.0) & bd.Cylinder(5.0, 100.0)
+    path = written(ball.wrapped, tmp_path / "lens.step")
+    text, count = re.subn(r"(SPHERICAL_SURFACE\([^)]*),[0-9.E+]+\)", r"\1,1.E99)", path.read_text())
+    assert count >= 1
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"{path} holds curved faces without area"):
+        read_lens_solid(path)
+
+
 def test_a_damaged_file_is_refused(tmp_path):
     path = written(lens_part(PLAIN).solid, tmp_path / "lens.step")
     path.write_text(path.read_text()[:2000])

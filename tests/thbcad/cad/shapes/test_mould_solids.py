@@ -113,6 +113,8 @@ def test_build123d_finds_the_draft_in_the_file(moulded, tmp_path):
         (DOME, {"annulus": True, "parting": -6}, "must lie above the land"),
         (BODIES["freeform dome"][0], {"annulus": True, "land": -3.34}, "crosses the rim of the front"),
         (DOME, {"land": 1}, "a land needs annulus"),
+        (DOME, {"annulus": "no"}, "lens.body.annulus must be true or false, got 'no'"),
+        (DOME, {"draft": 50}, "lens.body.draft must be at most 45 degrees"),
         (NARROW, {"annulus": True, "draft": 5, "parting": 4}, "no width"),
         (BODIES["rounded"][0], {"draft": 45, "parting": 4.5}, "has nothing left"),
     ],
@@ -178,7 +180,8 @@ def test_rounded_edges_have_their_radius_and_lie_outside_of_what_is_proven_clear
     ("name", "options", "words"),
     [
         ("rectangle", {"edge_radius": 0.3}, "without sharp corners"),
-        ("round", {"edge_radius": 3}, "beyond the rounding of the rear at .* take 2.2 mm, which fits"),
+        ("round", {"edge_radius": 3}, "beyond the rounding of the rear at .* take 2.5 mm, which fits"),
+        ("round", {"edge_radius": 1000}, "no ball of this radius touches .* take 2.5 mm, which fits"),
         ("round", {"edge_radius": 4, "draft": 2}, "beyond the parting line .* mm, which fits"),
         ("round", {"edge_radius": -1}, "edge_radius must be"),
     ],
