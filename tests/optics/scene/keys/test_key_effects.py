@@ -34,7 +34,6 @@ TOPHAT = {"target.kind": "tophat"}
 FORMULA = {"target.kind": "function", "target.formula": "1 + x"}
 ZONE = {"points": [[0.0, 0.0]], "least": 1.0}
 ZONES = {"target.kind": "zones", "target.zone": [ZONE], "source.unit": "lm"}
-MARGIN = {"target.zone": [ZONE | {"margin": 0.1}]}
 STOP = {"shape": "rectangle", "half_width": [9.0, 9.0], "position": [0.0, 0.0, -1.0]}
 # by key that acts in some problems only: its value, what gives it an effect, and what takes that away
 SWITCHED = {
@@ -75,7 +74,6 @@ LISTED = {
         {"lens.body": {"annulus": True, "land": 5.0}, "lens.front.half_width": [9.0, 9.0]},
         {"lens.body": {"draft": 1.0, "land": 5.0}},
     ),
-    "target.zone.margin": (ZONES | MARGIN, ZONES | MARGIN | TOPHAT),
     "stop.inner": (
         {"stop": [STOP | {"shape": "ring", "inner": [3.0, 3.0]}]},
         {"stop": [STOP | {"inner": [3.0, 3.0]}]},
@@ -103,6 +101,13 @@ def test_a_key_is_taken_where_it_has_an_effect_and_refused_where_it_has_none(tmp
     assert text_of(tmp_path, acting | {key: value}) != before
     with pytest.raises(UserError, match=rf"{key} has no effect with [\w.]+ = .*; leave it out, which is "):
         load_values(tmp_path, SMALL | idle | {key: value})
+
+
+def test_zones_have_a_margin_whatever_the_kind_of_target(tmp_path):
+    """The loss of a design has the zones of every target."""
+    zones = {"source.unit": "lm", "target.zone": [ZONE | {"margin": 0.1}]}
+    for kind in ({"target.kind": "zones"}, TOPHAT, {}):
+        assert load_values(tmp_path, SMALL | zones | kind).target.zone[0].margin == 0.1
 
 
 @pytest.mark.parametrize("key", LISTED)

@@ -52,7 +52,7 @@ OTHERS = {
         r"target.aperture = 0.001 is read on too many pixels; it must be at least 0.0\d+",
     ),
     "none": (
-        {"target.kind": "zones", "target.image": ""},
+        {"target.kind": "zones", "target.image": "", "verify.contrast_error": 0.25},
         r"needs a \[\[target.zone\]\] or target.regulation; add one",
     ),
 }
