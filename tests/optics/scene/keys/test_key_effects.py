@@ -207,14 +207,16 @@ def test_one_lens_has_one_index(tmp_path):
     assert solvable_system(load_values_of(tmp_path, {"lens.material": "my blend", "lens.index": 1.9}))
 
 
-@pytest.mark.parametrize(("index", "same"), [(1.4923, True), (1.4962, True), (1.4922, False), (1.4964, False)])
+@pytest.mark.parametrize(
+    ("index", "same"), [(1.4923, True), (1.4962, True), (1.4922, False), (1.4964, False)]
+)
 def test_grades_of_one_material_may_differ_by_its_accuracy(tmp_path, index, same):
     """PMMA has n = 1.49428 at 550 nm, and its grades lie within 0.002."""
     problem = load_values_of(tmp_path, {"lens.material": "PMMA", "lens.index": index})
     if same:
         assert solvable_system(problem)
         return
-    with pytest.raises(UserError, match='contradicts lens.material = "PMMA"'):
+    with pytest.raises(UserError, match=r'contradicts lens\.material = "PMMA"'):
         solvable_system(problem)
 
 
