@@ -126,10 +126,16 @@ def test_a_key_of_an_element_or_of_a_further_source_is_refused_by_its_name(tmp_p
         load_text(tmp_path, MIRROR.replace('name = "M1"', 'name = "M1"\ncorner_radius = 2.0'))
     first = {"kind": "point", "position": [0.0, 0.0, -30.0]}
     second = first | {"name": "B", "sigma": [0.1, 0.1]}
-    with pytest.raises(
-        UserError, match=r"source\.others\.B\.sigma has no effect with source\.others\.B\.prof"
-    ):
+    with pytest.raises(UserError, match=r"source\[1\]\.sigma has no effect with source\[1\]\.profile"):
         load_values(tmp_path, SMALL).with_(source=first | {"others": [second]})
+
+
+@pytest.mark.parametrize(("kind", "offered"), [("rays", False), ("point", True)])
+def test_another_key_is_offered_only_where_that_has_an_effect(tmp_path, kind, offered):
+    lamp = {"source.kind": kind, "source.divergence": 0.2} | ({} if offered else {"source.file": "lamp.ray"})
+    with pytest.raises(UserError, match=r"source\.divergence has no effect") as caught:
+        load_values(tmp_path, SMALL | lamp)
+    assert ("set source.half_angle, " in str(caught.value)) == offered
 
 
 @pytest.mark.parametrize("kind", SOURCES)
