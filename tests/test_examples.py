@@ -8,6 +8,7 @@ import optics
 from optics.exchange.assemblies import part_checks
 from optics.light.analysis import delivery_checks
 from optics.scene.problem import load_problem
+from optics.scene.system import solvable_system
 from tests.cases import EXAMPLES, module_at, slow_unless
 
 PROBLEMS = sorted(
@@ -43,6 +44,11 @@ def test_a_mount_of_the_gallery_is_proven_where_it_stands(gallery, name, tmp_pat
 def test_the_gallery_is_whole(gallery):
     names = sorted(path.stem for path in (EXAMPLES / "mounts").glob("*.toml"))
     assert names == sorted(gallery.LENSES)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_example_can_be_solved(name):
+    assert solvable_system(load_problem(EXAMPLES / name))
 
 
 def levels(table, prefix=""):

@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from optics.designing.optimisation.bounded_variables import BoundedVariables
-    from optics.designing.optimisation.first_state import first_fit, first_quality
+    from optics.designing.optimisation.first_state import StartChoice, first_fit
     from optics.designing.optimisation.indicators import mark, vertex_knots
     from optics.designing.optimisation.level_objective import (
         PROBES,

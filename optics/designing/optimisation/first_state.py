@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from optics.base.runtime import Backend, NumericalError
 from optics.designing.optimisation.level_objective import stage_objective
@@ -17,6 +18,50 @@ from thbcad.surfaces import THBSurface
 
 INSTEAD = "; the design starts from the base surface instead"
 FAR_OFF = "; the design may end far from the target"
+
+
+@dataclass(frozen=True, eq=False)
+class StartChoice:
+    """Whether a design starts from the surface of its transport map."""
+
+    system: OpticalSystem
+    backend: Backend
+    start: TransportStart
+
+    @cached_property
+    def first(self) -> TransportFit:
+        """The fit on the first mesh."""
+        return first_fit(self.system, self.start)
+
+    @property
+    def within(self) -> bool:
+        """Whether the map's surface is within its bounds, as far as a coarse fit tells."""
+        return self.start.traced is None or self.start.within(self.start.traced)
+
+    @property
+    def followed(self) -> bool:
+        """Whether the first mesh sends most of the light where the map wants it."""
+        return self.within and self.start.follows(self.first)
+
+    @cached_property
+    def quality(self) -> StartQuality | None:
+        """The quality of the start on its first mesh, or, where it is poor there, on the finest that follows
+        the map; None where it is not known, and where the first mesh does not follow the map."""
+        quality = start_quality(self.system, self.backend, self.first) if self.followed else None
+        finest = self.start.finest_fit() if quality and quality.poor else None
+        if finest is None or not self.start.follows(finest):
+            return quality
+        return start_quality(self.system, self.backend, finest)
+
+    @property
+    def useless(self) -> bool:
+        """Whether the base surface makes light that is nearer to the target."""
+        return self.quality is not None and self.quality.useless
+
+    @property
+    def doubt(self) -> str:
+        """A sentence on what is wrong with a poor start, or ""."""
+        return self.quality.sentence(self.start.gap) if self.quality and self.quality.poor else ""
 
 
 def first_state(
@@ -64,31 +109,19 @@ def transport_start(
         if over or not state.started_from_transport:
             return None
     start = start or TransportStart(system, backend)
-    if start.traced is not None and not start.within(start.traced):
-        note(start.note(first_fit(system, start), start.finest_fit()) + INSTEAD)
+    choice = StartChoice(system, backend, start)
+    if not choice.within:
+        note(start.note(choice.first, start.finest_fit()) + INSTEAD)
         return None
-    quality = first_quality(system, backend, start) if state is None else None
-    if quality is None or not quality.poor:
+    if state is not None or not choice.doubt:
         return start
-    note(quality.sentence(start.gap) + (INSTEAD if quality.useless else FAR_OFF))
-    return None if quality.useless else start
+    note(choice.doubt + (INSTEAD if choice.useless else FAR_OFF))
+    return None if choice.useless else start
 
 
 def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
     """Return the fit on the first mesh of a design, some of whose functions stay in all that follow."""
     return start.fit(first_sags(system, from_transport=True)[-1].space)
-
-
-def first_quality(system: OpticalSystem, backend: Backend, start: TransportStart) -> StartQuality | None:
-    """Return the quality of a start on its first mesh, or, where it is poor there, on the finest.
-
-    None where it is not known, and where z_freedom cuts off so much that the run chooses otherwise.
-    """
-    fit = first_fit(system, start)
-    quality = start_quality(system, backend, fit) if start.follows(fit) else None
-    if quality is None or not quality.poor:
-        return quality
-    return start_quality(system, backend, start.finest_fit())
 
 
 def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:

@@ -14,8 +14,7 @@ from optics.designing.etendue import bounds_hold, image_half_width, one_blur_tel
 from optics.designing.optimisation import (
     LimitedShapes,
     Stage,
-    first_fit,
-    first_quality,
+    StartChoice,
     stages,
     transmitted_flux,
 )
@@ -77,7 +76,8 @@ class Expectation:
         or bodies take part of the light or some passes by elements, of a poor start, and of a start that is
         FARTHEST times worse.
     start_rel_l2 : of the light of the transport start along the path, None where the source has extent.
-    base_rel_l2 : of the base surface, on merged pixels, None where the design does not start from the map.
+    base_rel_l2 : of the sharp light of the base surface, on merged pixels and without stops; None where it is
+        not compared with the start: of a source with extent, and where z_freedom cuts off the map's surface.
     gap : of primal and dual of the transport map.  doubt : what is wrong with a poor start, or "".
     past : the sentence on light that passes by elements on its way to the target, or "".
     seconds, memory_mb : of the design.
@@ -130,12 +130,11 @@ def expected(
     start = start or TransportStart(system, backend)
     fit = start.finest_fit()
     lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
-    first = None if system.problem.optimizer.start == "flat" else first_fit(system, start)
-    mapped = first is not None and (start.traced is None or start.within(start.traced))
-    from_transport = mapped and first is not None and start.follows(first)
-    quality = first_quality(system, backend, start) if from_transport else None
-    doubt = quality.sentence(start.gap) if quality and quality.poor else ""
-    from_transport = from_transport and not (quality and quality.useless)
+    flat = system.problem.optimizer.start == "flat"
+    choice = None if flat else StartChoice(system.shaping, backend, start)
+    first, doubt = (choice.first, choice.doubt) if choice else (None, "")
+    mapped = choice is not None and choice.within and not choice.useless
+    from_transport = mapped and choice is not None and choice.followed
     system.made(lens if from_transport else system.lens)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
@@ -188,7 +187,7 @@ def expected(
         if error and predictable and undisturbed and not costs and not doubt
         else None,
         start_rel_l2=error,
-        base_rel_l2=quality.base if quality else None,
+        base_rel_l2=choice.quality.base if choice and choice.quality else None,
         gap=start.gap,
         doubt=doubt,
         past=past_sentences[0] if past_sentences else "",

@@ -56,13 +56,28 @@ def foreseen_misses(
         )
     if expected.past:
         sentences.append(f"{MAY}: {expected.past}")
-    if expected.blocked >= TAKEN and (expected.start_rel_l2 or 0.0) > PICTURE_REL_L2:
-        sentences.append(
-            f"{MAY}: {expected.blocked:.0%} of the light is blocked by {' and '.join(expected.blocking)}, of "
-            f"which the start of the design knows nothing; its rel_l2 is {expected.start_rel_l2:.2g}"
-        )
+    if expected.doubt and (expected.base_rel_l2 or 0.0) > PICTURE_REL_L2:
+        sentences.append(f"{MAY}: {expected.doubt}")
+    sentences += _of_stops(system, expected)
     sentences += [f"{MAY}: {cost.sentence}" for cost in expected.limit_costs]
     return sentences
+
+
+def _of_stops(system: OpticalSystem, expected: Expectation) -> Iterator[str]:
+    """Yield a sentence where stops take so much light that it shows on the target."""
+    limit = picture_limit(system.problem.verify, not system.target.as_picture)
+    shows = limit if limit < inf else PICTURE_REL_L2  # uniform light has limits of other names
+    error = expected.start_rel_l2 if system.target.settings.kind != "zones" else None
+    if expected.blocked < TAKEN or error is None or error <= shows:
+        return
+    which = (
+        "which the start of the design does not take into account"
+        if expected.from_transport
+        else "with the surface of the transport map, from which this design does not start"
+    )
+    blocking = " and ".join(expected.blocking)
+    blocked = f"{expected.blocked:.1%} of the light is blocked by {blocking}"
+    yield f"{MAY}: {blocked}, {which}; rel_l2 is {error:.2g}"
 
 
 def _aside(system: OpticalSystem) -> str:

@@ -43,10 +43,16 @@ class StartQuality:
 
 
 def start_quality(system: OpticalSystem, backend: Backend, fit: TransportFit) -> StartQuality | None:
-    """Return the quality of a fit of a start; None where light has extent or is blurred."""
+    """Return the quality of a fit of a start; None where light has extent or is blurred.
+
+    Nothing blocks the light, since the map knows of no stops.
+    """
     if system.source.extended or system.blurred:
         return None
     coarsening = -(-max(system.target.settings.pixels) // PIXELS)
     moved = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
-    start, base = (light_before(system, lens, backend, coarsening)[1] for lens in (moved, system.lens))
+    start, base = (
+        light_before(system, lens, backend, coarsening, system.path(lens).without_stops())[1]
+        for lens in (moved, system.lens)
+    )
     return None if start is None or base is None else StartQuality(start, base)

@@ -29,21 +29,33 @@ def require_effects(record: Record, prefix: str = "", root: Record | None = None
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             for k, table in enumerate(value):
                 name = getattr(table, "name", "")
-                require_effects(table, f"{key}.{name}." if name else f"{key}[{k}].", root)
+                place = f"{key}.{name}." if name else f"{key}[{k}]."
+                if f.name == "others":  # a file has them in one list with the first: [[source]]
+                    place = f"{prefix.removesuffix('.')}[{k + 1}]."
+                require_effects(table, place, root)
         if value != f.default:
             _require_effect(key, f, record, prefix, root)
 
 
 def _require_effect(key: str, field: Field[Any], record: Record, prefix: str, root: Record) -> None:
+    for other, found, wanted in _ruling_out(field, record, root):
+        name = other if "." in other else prefix + other
+        values = " or ".join(toml_value(value) for value in wanted)
+        instead = next((f for f in fields(record) if f.name == field.metadata["instead"]), None)
+        remedy = f"set {prefix}{instead.name}, " if instead and not _ruling_out(instead, record, root) else ""
+        raise UserError(
+            f"{key} has no effect with {name} = {toml_value(found)}; leave it out, which is "
+            f"{toml_value(field.default)}, {remedy}or set {name} = {values}"
+        )
+
+
+def _ruling_out(field: Field[Any], record: Record, root: Record) -> list[tuple[str, Any, tuple[Any, ...]]]:
+    """Return the keys that take the effect of a field away, their values, and those that would not."""
+    rows = []
     for other, wanted in field.metadata.get("only", {}).items():
         found: Any = root if "." in other else record
         for part in other.split("."):
             found = getattr(found, part)
         if found not in wanted:
-            name = other if "." in other else prefix + other
-            values = " or ".join(toml_value(value) for value in wanted)
-            instead = f"set {prefix}{field.metadata['instead']}, " if field.metadata["instead"] else ""
-            raise UserError(
-                f"{key} has no effect with {name} = {toml_value(found)}; leave it out, which is "
-                f"{toml_value(field.default)}, {instead}or set {name} = {values}"
-            )
+            rows.append((other, found, wanted))
+    return rows

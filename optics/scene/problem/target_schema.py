@@ -63,13 +63,7 @@ class Zone:
     greatest: float = option(inf, above=0, infinite=True, note="the same; inf is none")
     least_of_peak: float = option(0.0, low=0, high=1, note="least, of the greatest on the target; 0 is none")
     peak: bool = option(False, note="limits are those of its brightest place; alone: of the whole target")
-    margin: float = option(
-        0.3,
-        low=0,
-        high=10,
-        note="that the design aims at, of each limit",
-        only={"target.kind": ("zones",)},
-    )
+    margin: float = option(0.3, low=0, high=10, note="that the design aims at, of each limit")
     unit: str = option("", choices=("", "cd", "lx"), note="of the limits; empty is that of the target")
 
     @property

@@ -97,11 +97,14 @@ class ZoneRow:
 
         Of the greatest light on the target, no more than half of what lies above the share is aimed at.
         """
-        middle = (self.greatest - self.least) / (self.greatest + self.least) if self.least else MOST_MARGIN
-        margin = min(self.margin, middle) if self.greatest < inf else self.margin
+        margin, greatest = self.margin, self.greatest
+        if greatest < inf:  # else the margin may be 1 or more
+            middle = (greatest - self.least) / (greatest + self.least) if self.least else MOST_MARGIN
+            margin = min(margin, middle)
+            greatest *= 1 - margin
         share = min(self.least_of_peak * (1 + self.margin), (1 + self.least_of_peak) / 2)
         of_peak = 0.0 if self.peaks is None else share * float((self.peaks @ light.ravel()).max())
-        least, greatest = max(self.least * (1 + margin), of_peak), self.greatest * (1 - margin)
+        least = max(self.least * (1 + margin), of_peak)
         return self.correction * least, self.correction * greatest
 
     def reading(

@@ -16,7 +16,7 @@ from optics.scene.problem import Optic, Problem, Source
 INDEX_DIGITS = 6  # behind the point: no index is known better
 ABSORPTION_DIGITS = 4
 VISIBLE = range(380, 781, 20)  # nm, at which absorption is tabulated for other light that may come later
-SAME_INDEX = 1e-3  # grades and melts of one material differ by less
+SAME_INDEX = 1e-3  # tolerated where a material's accuracy is unknown or finer
 SAME_ABSORPTION = 1e-2  # relative
 CAUCHY = -2  # power of the wavelength in which indices are interpolated
 
@@ -69,13 +69,14 @@ def require_one_glass(problem: Problem) -> None:
     for spec in problem.optics:
         others = []
         with suppress(UserError):  # of a table that does not reach that wavelength, or has no rows
-            others.append((_tabulated_index(spec, nm), f"{spec.key('indices')}, which have", ""))
+            others.append((_tabulated_index(spec, nm), SAME_INDEX, f"{spec.key('indices')}, which have", ""))
         with suppress(UserError):  # of a name that is a label, or a wavelength out of the material's range
-            index = find_material(spec.material).index(nm)
+            material = find_material(spec.material)
             named = f'{spec.key("material")} = "{spec.material}", which has'
-            others.append((index, named, ", or give the material a name of its own"))
-        for index, said, remedy in others:
-            if abs(index - spec.known_index) > SAME_INDEX:
+            same = max(SAME_INDEX, material.accuracy or 0.0)
+            others.append((material.index(nm), same, named, ", or give the material a name of its own"))
+        for index, same, said, remedy in others:
+            if abs(index - spec.known_index) > same:
                 raise UserError(
                     f"{spec.key('index')} = {spec.known_index:g} contradicts {said} {index:.5f} at {nm:g} "
                     f"nm; leave one of them out{remedy}"
@@ -169,13 +170,7 @@ def index_at(spec: Optic, nm: float, own: float) -> float:
             f'name a known {spec.key("material")}, such as "PMMA", or give {spec.key("indices")} = '
             "[[nm, index], ...]"
         )
-    index = spec.known_index + material.index(nm) - material.index(own)
-    if index <= 1:
-        raise UserError(
-            f"{spec.key('index')} = {spec.known_index:g} is far from that of {spec.material}: its dispersion "
-            f"leaves {index:.4g} at {nm:.4g} nm; give {spec.key('indices')} = [[nm, index], ...]"
-        )
-    return index
+    return spec.known_index + material.index(nm) - material.index(own)
 
 
 def absorption_at(spec: Optic, nm: float) -> float:

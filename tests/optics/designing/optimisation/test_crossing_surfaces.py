@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from optics.designing.optimisation import limit_keeper, loop, stage_search
+from optics.designing.optimisation.bounded_variables import BoundedVariables
+from optics.designing.optimisation.first_state import with_sags
+from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.loop import nearest_shapes, shape_lens
-from optics.designing.optimisation.stage_search import Interrupted
+from optics.designing.optimisation.stage_plan import stages
+from optics.designing.optimisation.stage_search import Interrupted, Log, Search
+from optics.designing.optimisation.state import State
 from optics.interface.commands import main
 from optics.light.engines import ExactEngine
 from optics.scene.system import load_system, solvable_system
@@ -51,6 +56,21 @@ def test_a_change_far_beyond_reason_is_dropped(tmp_path):
     _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, -1e9))
     assert found is system.lens
     assert wrong.endswith("none of the level's changes are kept")
+
+
+def test_a_start_that_nearly_crosses_is_moved_apart_without_limits(tmp_path, backend):
+    """The lens is 6 mm thick, and a rear lowered by 5.9999 mm leaves less than its penalty allows."""
+    system = small_system(tmp_path, SHORT | {"lens.rear.freeform.z_freedom": 9.0})
+    sags, (stage,) = constant(system.lens, -5.9999), stages(system, False)
+    target = system.target.irradiance(stage.screen, system.problem.flux)
+    engine, notes = ExactEngine(backend), list[str]()
+    objective = stage_objective(*with_sags(system, sags), stage, target, engine)
+    search = Search(system.problem, objective, BoundedVariables(sags, [9.0]), tuple(sags), None)
+    assert objective.shape.exceeded([sag.coefficients for sag in sags])
+    keeper = limit_keeper.LimitKeeper(system, system.lens, None, notes.append)
+    log = Log(State(False, 0, tuple(sags)), stage, 0.0, lambda _: None)
+    begun = keeper.begun(search, log)
+    assert not objective.shape.exceeded([sag.coefficients for sag in begun.sags])
 
 
 def crossing(system, monkeypatch):

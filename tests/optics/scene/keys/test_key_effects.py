@@ -34,7 +34,6 @@ TOPHAT = {"target.kind": "tophat"}
 FORMULA = {"target.kind": "function", "target.formula": "1 + x"}
 ZONE = {"points": [[0.0, 0.0]], "least": 1.0}
 ZONES = {"target.kind": "zones", "target.zone": [ZONE], "source.unit": "lm"}
-MARGIN = {"target.zone": [ZONE | {"margin": 0.1}]}
 STOP = {"shape": "rectangle", "half_width": [9.0, 9.0], "position": [0.0, 0.0, -1.0]}
 # by key that acts in some problems only: its value, what gives it an effect, and what takes that away
 SWITCHED = {
@@ -75,7 +74,6 @@ LISTED = {
         {"lens.body": {"annulus": True, "land": 5.0}, "lens.front.half_width": [9.0, 9.0]},
         {"lens.body": {"draft": 1.0, "land": 5.0}},
     ),
-    "target.zone.margin": (ZONES | MARGIN, ZONES | MARGIN | TOPHAT),
     "stop.inner": (
         {"stop": [STOP | {"shape": "ring", "inner": [3.0, 3.0]}]},
         {"stop": [STOP | {"inner": [3.0, 3.0]}]},
@@ -105,6 +103,13 @@ def test_a_key_is_taken_where_it_has_an_effect_and_refused_where_it_has_none(tmp
         load_values(tmp_path, SMALL | idle | {key: value})
 
 
+def test_zones_have_a_margin_whatever_the_kind_of_target(tmp_path):
+    """The loss of a design has the zones of every target."""
+    zones = {"source.unit": "lm", "target.zone": [ZONE | {"margin": 0.1}]}
+    for kind in ({"target.kind": "zones"}, TOPHAT, {}):
+        assert load_values(tmp_path, SMALL | zones | kind).target.zone[0].margin == 0.1
+
+
 @pytest.mark.parametrize("key", LISTED)
 def test_a_key_of_a_list_is_taken_and_refused_likewise(tmp_path, key):
     acting, idle = LISTED[key]
@@ -121,10 +126,16 @@ def test_a_key_of_an_element_or_of_a_further_source_is_refused_by_its_name(tmp_p
         load_text(tmp_path, MIRROR.replace('name = "M1"', 'name = "M1"\ncorner_radius = 2.0'))
     first = {"kind": "point", "position": [0.0, 0.0, -30.0]}
     second = first | {"name": "B", "sigma": [0.1, 0.1]}
-    with pytest.raises(
-        UserError, match=r"source\.others\.B\.sigma has no effect with source\.others\.B\.prof"
-    ):
+    with pytest.raises(UserError, match=r"source\[1\]\.sigma has no effect with source\[1\]\.profile"):
         load_values(tmp_path, SMALL).with_(source=first | {"others": [second]})
+
+
+@pytest.mark.parametrize(("kind", "offered"), [("rays", False), ("point", True)])
+def test_another_key_is_offered_only_where_that_has_an_effect(tmp_path, kind, offered):
+    lamp = {"source.kind": kind, "source.divergence": 0.2} | ({} if offered else {"source.file": "lamp.ray"})
+    with pytest.raises(UserError, match=r"source\.divergence has no effect") as caught:
+        load_values(tmp_path, SMALL | lamp)
+    assert ("set source.half_angle, " in str(caught.value)) == offered
 
 
 @pytest.mark.parametrize("kind", SOURCES)
@@ -200,6 +211,19 @@ def test_one_lens_has_one_index(tmp_path):
     for index in (1.5177, 1.5194):
         assert solvable_system(load_values_of(tmp_path, {"lens.material": "N-BK7", "lens.index": index}))
     assert solvable_system(load_values_of(tmp_path, {"lens.material": "my blend", "lens.index": 1.9}))
+
+
+@pytest.mark.parametrize(
+    ("index", "same"), [(1.4923, True), (1.4962, True), (1.4922, False), (1.4964, False)]
+)
+def test_grades_of_one_material_may_differ_by_its_accuracy(tmp_path, index, same):
+    """PMMA has n = 1.49428 at 550 nm, and its grades lie within 0.002."""
+    problem = load_values_of(tmp_path, {"lens.material": "PMMA", "lens.index": index})
+    if same:
+        assert solvable_system(problem)
+        return
+    with pytest.raises(UserError, match=r'contradicts lens\.material = "PMMA"'):
+        solvable_system(problem)
 
 
 @pytest.mark.parametrize(("nm", "seen"), [(1000.0, False), (300.0, False), (380.0, True), (780.0, True)])

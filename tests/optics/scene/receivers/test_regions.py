@@ -203,3 +203,10 @@ def test_a_region_has_its_least_light_above_one_limit_and_its_greatest_below_the
     assert share.reading(light, 0 * light).limit == pytest.approx(0.8 * 7)
     noise = np.where(light == 7.0, 0.3, 0.1)  # the limit errs with its pixel
     assert share.reading(light, noise).error == pytest.approx(np.hypot(0.1 / 2, 0.8 * 0.3))
+
+
+@pytest.mark.parametrize("margin", [0.3, 1.0, 2.0])
+def test_a_limit_from_below_alone_is_aimed_at_with_its_whole_margin(margin):
+    screen = Screen((6.0, 4.0), (24, 16))
+    (row,) = zone_rows("", np.array([[0.0, 0.0]]), screen, (1.0, np.inf, 0.0), margin)
+    assert row.aims(np.ones(screen.shape)) == (1.0 + margin, np.inf)

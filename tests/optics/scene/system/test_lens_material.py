@@ -29,8 +29,8 @@ def test_the_index_of_a_material_becomes_a_number(tmp_path):
 
 
 def test_an_index_that_is_given_wins(tmp_path):
-    system = system_of(tmp_path, PMMA | {"lens.index": 1.5})
-    assert (system.problem.lens.index, system.problem.lens.density) == (1.5, 0.0)
+    system = system_of(tmp_path, PMMA | {"lens.index": 1.495})
+    assert (system.problem.lens.index, system.problem.lens.density) == (1.495, 0.0)
     assert system.material is None
     label = system_of(tmp_path, {"lens.material": "the green one", "lens.index": 1.5})
     assert label.problem.lens.index == 1.5
@@ -70,10 +70,10 @@ def test_wavelengths_have_the_dispersion_of_the_material(tmp_path):
 
 
 def test_the_dispersion_of_a_material_goes_through_a_given_index(tmp_path):
-    changes = PMMA | {"lens.index": 1.49, "source.spectrum": [[450, 1], [550, 1], [650, 1]]}
+    changes = PMMA | {"lens.index": 1.493, "source.spectrum": [[450, 1], [550, 1], [650, 1]]}
     blue, green, red = (w.media[1].index for w in system_of(tmp_path, changes).wavelengths)
     law = MATERIALS["PMMA"].index
-    assert green == 1.49
+    assert green == 1.493
     assert (blue - green, green - red) == pytest.approx((law(450) - law(550), law(550) - law(650)), abs=1e-15)
 
 
@@ -129,10 +129,6 @@ BAD = [
     (
         {"lens.index": 1.5, "lens.material": "mine", "source.spectrum": "A"},
         "source.spectrum needs the index at 393.6 nm too, but lens.index is one number: name a known",
-    ),
-    (
-        {"lens.index": 1.0001, "lens.material": "PC", "source.spectrum": [[700, 1]]},
-        "lens.index = 1.0001 is far from that of PC: its dispersion leaves 0.98",
     ),
 ]
 
