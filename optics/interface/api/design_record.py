@@ -119,7 +119,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         metrics["rel_l2_one_blur"] = limits.least
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
-    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged_note(metrics)]:
+    unjudged = unjudged_note(metrics, system.problem.verify)
+    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged]:
         notes(sentence)
     if not metrics["efficiency"]:
         notes(f"no light reaches the target; {_towards_light(metrics[system.units.key('fates')])}")

@@ -31,6 +31,7 @@ ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 LIT_NAME = "light on the lit region, of the source's"
 STRAY_NAME = "light beside the target, of the source's"
+NO_ANGLES = 0.0, inf  # of a beam: no limit
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
 FORBIDS = {"rel_l2_one_blur": "the blur", "rel_l2_by_etendue": "etendue"}  # least values of rel_l2
 NEAR = 1.1  # times what is allowed at best: as near as can be
@@ -93,7 +94,7 @@ def _zone_checks(metrics: dict[str, Any]) -> Iterator[Check]:
 def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
     """Yield the checks of uniform light; only one where its uniformity is not known, with the reason."""
     uniformity = metrics.get("uniformity")
-    if uniformity is None or uniformity.get("few_pixels"):
+    if uniformity is None or (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
         return
     symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
@@ -114,10 +115,17 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         yield Check(name, value, limit, "", at_least, error, "light", remark)
 
 
+def _shape_is_limited(metrics: dict[str, Any], limits: Verify) -> bool:
+    """Return whether limits other than those of uniformity judge the shape of uniform light."""
+    angles = limits.beam_angle, limits.field_angle
+    of_beam = metrics.get("beam") is not None and any(angle != NO_ANGLES for angle in angles)
+    return of_beam or picture_limit(limits, uniform=True) < inf
+
+
 def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     """Return why there is no uniformity, and an option that gives one or takes its limits off."""
     noise = uniformity.get("noise", 0.0)
-    if metrics.get("rays") and noise > NOISE:
+    if metrics.get("rays") and noise > NOISE and not uniformity.get("few_pixels"):
         more = _more_rays(metrics, (noise / NOISE) ** 2)
         return f"{uniformity['reason']}; {more}, or {UNJUDGED}"
     return f"{uniformity['reason']}; or {UNJUDGED}"
@@ -289,10 +297,11 @@ def past_notes(metrics: dict[str, Any]) -> list[str]:
     ]
 
 
-def unjudged_note(metrics: dict[str, Any]) -> list[str]:
-    """Return a sentence where the uniformity of even light is not judged, since its region has few pixels."""
+def unjudged_note(metrics: dict[str, Any], limits: Verify) -> list[str]:
+    """Return a sentence where uniformity is not judged because the lit region has few pixels and other limits
+    judge its shape."""
     uniformity = metrics.get("uniformity") or {}
-    if not uniformity.get("few_pixels"):
+    if not (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
         return []
     return [f"uniformity is not judged: {uniformity['reason']}"]
 

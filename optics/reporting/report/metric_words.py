@@ -104,7 +104,7 @@ JUDGED = {
             ("_error", DEVIATION),
         )
     },
-    "few_pixels": ("", "the region is too few pixels wide for a uniformity, which is not judged"),
+    "few_pixels": ("", "the region is too few pixels wide for a uniformity"),
 }
 
 

@@ -156,12 +156,20 @@ def test_one_reason_why_there_is_no_uniformity_is_said_once_with_an_option_to_co
     )
 
 
-def test_uniformity_of_a_few_pixels_is_not_judged_and_a_note_says_so():
-    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="few")
+def test_uniformity_of_a_few_pixels_decides_nothing_unless_other_limits_judge_the_shape():
+    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="few", noise=0.02, rays=10**6)
     values["uniformity"]["few_pixels"] = True
-    assert graded(values) == "made"
-    assert unjudged_note(values) == ["uniformity is not judged: few"]
-    assert unjudged_note(uniform()) == unjudged_note(picture()) == []
+    values["beam"] = BEAM
+    assert graded(values) == graded(values, rel_l2=inf) == "not decided"
+    (unknown, _) = delivery_checks(values, Verify())
+    assert unknown.remark.startswith("few; or --set verify.min_over_mean=0 ")  # pixels help, rays do not
+    assert unjudged_note(values, Verify()) == []
+    for other in ({"rel_l2": 0.4}, {"beam_angle": (9.0, 11.0)}, {"field_angle": (0.0, 20.0)}):
+        assert graded(values, **other) == "made"
+        assert unjudged_note(values, Verify(**other)) == ["uniformity is not judged: few"]
+    off = {"min_over_mean": 0.0, "min_over_max": 0.0, "rsd": inf}
+    assert graded(values, **off) == "made"
+    assert unjudged_note(uniform(), Verify()) == unjudged_note(picture(), Verify()) == []
 
 
 BEAM = {f"{name}_{plane}": 10.0 for name in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
