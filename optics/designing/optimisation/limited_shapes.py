@@ -27,6 +27,7 @@ from optics.designing.penalties import (
 from optics.designing.starts import RearLight
 from optics.light.measuring import symmetry_axes
 from optics.scene.limits import LimitCost, Miss, limit_misses
+from optics.scene.problem import Optic
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens, radii_within
@@ -155,14 +156,14 @@ class LimitedShapes:
     def _misses_where_lit(self, sags: Sags) -> list[Miss]:
         """Return the limits that surfaces miss, one of each key; radii count only where light goes."""
         shaped, lens = self._system.with_sags(self._lens, sags)
-        found = dict[str, Miss]()
-        for miss in curable_misses(shaped, lens):
-            if miss.key in BENDING and self._light is not None and miss.surface == self._system.shaped:
+        found, met = dict[str, Miss](), (shaped.problem.optic.called, shaped.shaped)
+        for optic, miss in _curable_misses(shaped, lens):
+            if miss.key in BENDING and self._light is not None and (optic.called, miss.surface) == met:
                 concave, convex = radii_within(lens, miss.surface, _half_widths(self._light))
                 ends = [concave, *([convex] if miss.key == "radius" else [])]
                 short = max(0.0, miss.wanted - min(end.lower for end in ends))
                 miss = replace(miss, most=short, least=short)
-            if miss.most > found.get(miss.key, miss).least or miss.key not in found:
+            if miss.key not in found or miss.most > found[miss.key].most:
                 found[miss.key] = miss
         return [miss for miss in found.values() if miss.most > 0]
 
@@ -182,7 +183,7 @@ class LimitedShapes:
 
     def missed(self, sags: Sags) -> set[str]:
         """Return the keys of the limits that are not certainly kept, except those that no sag can mend."""
-        return {miss.key for miss in curable_misses(*self._system.with_sags(self._lens, sags))}
+        return {miss.key for _, miss in _curable_misses(*self._system.with_sags(self._lens, sags))}
 
     def moved(self, sags: Sags, penalty: ShapePenalty, within: Sags | None = None) -> Sags | None:
         """Return sags near others that leave half the room of every limit; None where none are found.
@@ -215,11 +216,12 @@ class LimitedShapes:
         return lifted, heights, cut if heights.any() else 0.0
 
 
-def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
-    """Return the limits that free elements may miss, but for those that no coefficient can mend."""
+def _curable_misses(system: OpticalSystem, lens: Lens) -> list[tuple[Optic, Miss]]:
+    """Return the limits that free elements may miss, each with its element, except those that no coefficient
+    can mend."""
     problem = system.problem
     return [
-        miss
+        (optic, miss)
         for optic, shape in system.free_elements(lens)
         for miss in limit_misses(problem.about(optic), limited_metrics(optic, shape, problem.limits))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)

@@ -1,5 +1,7 @@
 """Designs within limits on curvature make no worse light than the plain surfaces that keep the limits."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from optics.designing.penalties import limited_metrics
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.light.analysis import measure
 from optics.scene.limits import limit_checks
-from optics.scene.problem import load_problem
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import solvable_system
 from tests.cases import EXAMPLES
 from tests.optics.designing.optimisation.cases import designed
@@ -135,6 +137,33 @@ def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
     x = np.linspace(-40.0, 40.0, 9)
     sphere = 300 - np.sqrt(300**2 - x**2)  # of all such surfaces nearest to one that bends more everywhere
     np.testing.assert_allclose(lens.rear(x, 0 * x) - lens.rear(0.0, 0.0), sphere, atol=0.02)
+
+
+def test_the_lit_part_of_the_last_element_excuses_no_other(backend):
+    """Both elements have a free "rear"; that of the first has 200 mm, and the last is within the limit."""
+    lens = {"kind": "lens", "index": 1.5, "thickness": 10.0, "front": {"half_width": (50.0, 50.0)}}
+    free = {"half_width": (50.0, 50.0), "conic": -1.0, "freeform": {"spans": (4, 4), "z_freedom": 3.0}}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (40.0, 40.0), "distance": 5.0},
+        element=[
+            lens | {"name": "L1", "position": (0, 0, 0), "rear": free | {"radius": 200.0}},
+            lens | {"name": "L2", "position": (0, 0, 40), "rear": free | {"radius": 500.0}},
+        ],
+        target={"kind": "tophat", "position": (0, 0, 400), "half_width": (100.0, 100.0), "pixels": (32, 32)},
+        limits={"concave_radius": 300.0},
+    )
+    system = solvable_system(problem)
+    x = np.linspace(-20.0, 20.0, 9)
+    light = SimpleNamespace(x=x, y=x, weight=np.ones((9, 9)))
+    seen = []
+
+    class Seen(LimitedShapes):
+        def moved(self, sags, penalty, within=None):
+            seen.append(penalty.keys)
+            return sags
+
+    Seen(system, system.lens, light).costs(system.sags(system.lens), lambda _: 1.0)
+    assert seen[-1] == ("concave_radius",)
 
 
 @pytest.mark.slow
