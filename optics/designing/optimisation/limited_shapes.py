@@ -49,6 +49,7 @@ INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
 LIT = 0.1  # of the greatest weight, of cells that light meets
 BENDING = "radius", "concave_radius"
+ACTIVE = 0.02  # of a limit
 
 
 class LimitedShapes:
@@ -138,20 +139,43 @@ class LimitedShapes:
         ends = ((*others, THBSurface(last.space, c + shift)) for shift in (-bound - c.min(), bound - c.max()))
         return [end for end in ends if penalty.cleared([sag.coefficients for sag in end])]
 
-    def costs(self, sags: Sags, misfit: Callable[[Sags], float]) -> list[LimitCost]:
+    def costs(
+        self, sags: Sags, misfit: Callable[[Sags], float], surface: str = "the start"
+    ) -> list[LimitCost]:
         """Return what every limit that surfaces miss costs the light alone, the greatest cost first.
 
-        misfit : called with sags, returns their rel_l2.
+        misfit : called with sags, returns their rel_l2.  surface : the noun of the surfaces.
         """
-        penalty, free, found = self.penalty(fine=False), misfit(sags), list[LimitCost]()
+        penalty, free, found = self.penalty(fine=False), misfit(sags), list[tuple[float, LimitCost]]()
         assert penalty is not None, "there are limits"
         for miss in self._misses_where_lit(sags):
             only = penalty.only((miss.key,))
             conics = self.conics(sags, only) if miss.key in BENDING else None
             near = [other for other in (conics, self.moved(sags, only, conics)) if other]
             if near:
-                found.append(LimitCost(miss, min(map(misfit, near)), free))
-        return sorted((cost for cost in found if cost.counts), key=lambda cost: -cost.kept)
+                kept = min(map(misfit, near))
+                found.append((kept, LimitCost(miss, kept, free, surface)))
+        return [cost for _, cost in sorted(found, key=lambda pair: -pair[0]) if cost.counts]
+
+    def unknown_costs(self, sags: Sags, surface: str) -> list[LimitCost]:
+        """Return the limits on curvature that surfaces miss, where their rel_l2 is not known."""
+        misses = [miss for miss in self._misses_where_lit(sags) if miss.key in BENDING]
+        return [LimitCost(miss, None, None, surface) for miss in misses]
+
+    def active(self, sags: Sags) -> list[Miss]:
+        """Return the limits on curvature that surfaces keep with less than a share ACTIVE of them to spare."""
+        shaped, lens = self._system.with_sags(self._lens, sags)
+        limits = self._system.problem.limits
+        nearer = replace(limits, **{key: getattr(limits, key) * (1 + ACTIVE) for key in BENDING})
+        found = {
+            miss.key: replace(miss, wanted=getattr(limits, miss.key))
+            for optic, shape in shaped.free_elements(lens)
+            for miss in limit_misses(
+                replace(shaped.problem, limits=nearer).about(optic), limited_metrics(optic, shape, nearer)
+            )
+            if miss.key in BENDING and miss.most > 0
+        }
+        return list(found.values())
 
     def _misses_where_lit(self, sags: Sags) -> list[Miss]:
         """Return the limits that surfaces miss, one of each key; radii count only where light goes."""

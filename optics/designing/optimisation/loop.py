@@ -139,6 +139,7 @@ def shape_lens(
         flux,
         axes,
         start if state.started_from_transport else None,
+        start,
         clock,
         stages(system, state.started_from_transport),
     )
@@ -189,7 +190,8 @@ class _Run:
     """What stays the same through a run.
 
     flux : that the unoptimised lens sends on, W.  axes : directions of mirror symmetry that is kept.
-    guide : the transport map whose surface every level starts from.  clock : `perf_counter()` at the start.
+    guide : the transport map whose surface every level starts from.  known : the map, also where levels do
+    not start from it.  clock : `perf_counter()` at the start.
     """
 
     system: OpticalSystem
@@ -198,6 +200,7 @@ class _Run:
     flux: float
     axes: Sequence[int]
     guide: TransportStart | None
+    known: TransportStart | None
     clock: float
     plan: Sequence[Stage]
 
@@ -244,7 +247,7 @@ class _Run:
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         log.evaluations += PROBES
         try:
-            keeper = LimitKeeper(system, task.lens, self.guide, listener.note)
+            keeper = LimitKeeper(system, task.lens, self.guide, listener.note, self.known)
             if last:
                 sags, found = keeper.minimised(search, stage.iterations, log)
             else:

@@ -15,7 +15,7 @@ from typing import Any
 from optics.base.runtime import RESOLVED, Check, Grade, grade
 from optics.light.analysis.light_of_rays import pixels_for
 from optics.light.tracing import fate_sentences
-from optics.scene.limits import COSTS
+from optics.scene.limits import names_cost
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
@@ -215,7 +215,7 @@ def judged(
         more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
         why = rows[0].remark if rows[0].value is None else rows[0].wanted
         sentence += f": {rows[0].name} {rows[0].got} ({why}){more}"
-    named = (note for note in notes if COSTS in note)  # a limit of manufacture
+    named = filter(names_cost, notes)  # limits of manufacture
     if found == "light misses" and (excuse := _excuse(metrics, rows) or next(named, "")):
         sentence += f"; {excuse}"
     return Verdict(found, sentence, tuple(checks), tuple(notes))

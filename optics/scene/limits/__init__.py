@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.limits.limit_cost import COSTS, LimitCost, costs_light
+    from optics.scene.limits.limit_cost import LimitCost, active_sentence, costs_light, names_cost
     from optics.scene.limits.manufacture_text import LitPart, as_data, bound_data, manufacture_rows, position
     from optics.scene.limits.misses import (
         Miss,

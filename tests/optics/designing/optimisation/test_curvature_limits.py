@@ -10,7 +10,7 @@ from optics.designing.optimisation.limited_shapes import LimitedShapes
 from optics.designing.penalties import limited_metrics
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.light.analysis import measure
-from optics.scene.limits import limit_checks
+from optics.scene.limits import limit_checks, names_cost
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import solvable_system
 from tests.cases import EXAMPLES
@@ -137,6 +137,38 @@ def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
     x = np.linspace(-40.0, 40.0, 9)
     sphere = 300 - np.sqrt(300**2 - x**2)  # of all such surfaces nearest to one that bends more everywhere
     np.testing.assert_allclose(lens.rear(x, 0 * x) - lens.rear(0.0, 0.0), sphere, atol=0.02)
+
+
+def test_a_limit_is_named_where_the_design_does_not_follow_the_map(backend):
+    """The base surface of 259 mm makes the light; its start is flat, so that `check` names the map's surface."""
+    flat = {"optimizer.start": "flat", "lens.rear.radius": 259.0, "target.pixels": (24, 24)}
+    system = system_of(backend, **SMALL | flat, **{"limits.concave_radius": 400.0})
+    (sentence,) = [note for note in designed(system, backend).notes if names_cost(note)]
+    assert sentence.startswith(
+        "limits.concave_radius = 400 mm costs the light: the start has a rel_l2 of 0.5"
+    )
+    found, _ = expected(system, backend)
+    (cost,) = found.limit_costs
+    assert "costs the light: the map's surface has a rel_l2 of 0.5" in cost.sentence
+
+
+def test_a_limit_at_which_a_design_ends_is_active(backend):
+    system = system_of(backend, **SMALL, **{"lens.rear.radius": 404.0, "limits.concave_radius": 400.0})
+    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags(system.lens))
+    (active,) = LimitedShapes(system, system.lens).active(sags)
+    assert (active.key, active.wanted) == ("concave_radius", 400.0)
+    far = system_of(backend, **SMALL, **{"lens.rear.radius": 412.0, "limits.concave_radius": 400.0})
+    assert LimitedShapes(far, far.lens).active(sags) == []
+
+
+def test_check_names_a_limit_of_a_source_with_extent_by_the_radius_that_the_start_has(backend):
+    source = {"kind": "lambertian", "half_width": (0.5, 0.5), "distance": 150.0}
+    system = system_of(backend, **SMALL, source=source, **{"limits.concave_radius": 400.0})
+    found, _ = expected(system, backend)
+    (cost,) = found.limit_costs
+    assert (cost.kept, cost.free) == (None, None)
+    assert names_cost(cost.sentence)
+    assert cost.miss.got < 400.0
 
 
 def test_the_lit_part_of_the_last_element_excuses_no_other(backend):
