@@ -7,9 +7,11 @@ import pytest
 
 from optics.designing.optimisation import limit_keeper
 from optics.designing.optimisation.limited_shapes import LimitedShapes
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.penalties import limited_metrics
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.light.analysis import measure
+from optics.light.engines import ExactEngine
 from optics.scene.limits import limit_checks, names_cost
 from optics.scene.problem import Problem, load_problem
 from optics.scene.system import solvable_system
@@ -150,6 +152,20 @@ def test_a_limit_is_named_where_the_design_does_not_follow_the_map(backend):
     found, _ = expected(system, backend)
     (cost,) = found.limit_costs
     assert "costs the light: the map's surface has a rel_l2 of 0.5" in cost.sentence
+
+
+def test_a_run_resumed_on_the_last_level_ends_as_the_run_in_one_go(backend):
+    changes = {"target.pixels": (24, 24), "limits.concave_radius": 265.0}
+    system = system_of(backend, **SMALL | changes)
+    done, notes = designed(system, backend), []
+    state = done.checkpoints[0]
+    assert state.stage == len(done.plan) - 1
+    listener = Listener(note=notes.append)
+    _, resumed = shape_lens(system, backend, ExactEngine(backend), state, listener=listener)
+    found, expected_sag = resumed.sags[-1].coefficients, done.state.sags[-1].coefficients
+    np.testing.assert_allclose(found, expected_sag, rtol=0, atol=1e-9)
+    assert any(names_cost(note) for note in done.notes)
+    assert notes == done.notes
 
 
 def test_a_limit_at_which_a_design_ends_is_active(backend):
