@@ -27,6 +27,8 @@ WHAT_HELPS = (
 )
 UNJUDGED = "--set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf judges without it"
 BEYOND = "the light goes on beyond the target; make target.half_width larger"
+UNIFORMITY = "uniformity"  # begins the names of its checks, except that of RSD_NAME
+RSD_NAME = "relative standard deviation of"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 LIT_NAME = "light on the lit region, of the source's"
@@ -98,9 +100,9 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         return
     symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
-        ("min_over_mean", f"uniformity U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
-        ("min_over_max", f"uniformity {symbol}_min / {symbol}_max", limits.min_over_max, True),
-        ("rsd", f"relative standard deviation of {symbol}", limits.rsd, False),
+        ("min_over_mean", f"{UNIFORMITY} U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
+        ("min_over_max", f"{UNIFORMITY} {symbol}_min / {symbol}_max", limits.min_over_max, True),
+        ("rsd", f"{RSD_NAME} {symbol}", limits.rsd, False),
     )
     for key, name, limit, at_least in rows:
         if (at_least and not limit) or isinf(limit):
@@ -108,7 +110,7 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         value, error = uniformity[key], uniformity[f"{key}_error"]
         if value is None:
             yield Check(
-                "uniformity", None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
+                UNIFORMITY, None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
             )
             return
         remark = _unless_resolved(metrics, value, error, limit)
@@ -203,7 +205,7 @@ def judged(
     subject = {"light misses": "light", "file or part fails": "file"}.get(found)
     rows = [c for c in checks if c.result == worst and subject in (None, c.subject)]
     requested = any(check.subject == "light" for check in checks)
-    makes = f"the {body} makes the light asked for" if requested else "no light was requested"
+    makes = f"the {body} makes the light asked for" if requested else "no limit of the light is set"
     says = {
         "made": f"{makes}{f', and the file is the {body}' * of_file}",
         "light misses": "the light misses what was asked for",
@@ -242,7 +244,7 @@ def headline(metrics: dict[str, Any], checks: Sequence[Check] = ()) -> str:
     off = f"{error_words(metrics)} off"
     if names & {ERROR_NAME, CONTRAST_NAME}:
         judged_numbers.append(off)
-    if uniformity.get("min_over_mean") is not None:
+    if any(name.startswith((UNIFORMITY, RSD_NAME)) for name in names) and uniformity.get("min_over_mean") is not None:
         judged_numbers.append(f"U0 {uniformity['min_over_mean']:.2f}")
     if not judged_numbers and uniformity and LIT_NAME in names:
         judged_numbers.append(f"{metrics['lit_efficiency']:.0%} of the source's light on the lit region")

@@ -109,6 +109,14 @@ def test_a_limit_that_is_taken_off_is_not_judged():
     assert graded(uniform(), stray=0.01) == "light misses"
 
 
+def test_a_verdict_without_limits_of_uniformity_begins_with_the_lit_efficiency():
+    off = {"min_over_mean": 0.0, "min_over_max": 0.0, "rsd": inf}
+    verdict = judged(uniform(), delivery_checks(uniform(), Verify(**off)), of_file=False)
+    assert verdict.sentence.startswith("80% of the source's light on the lit region (30 % off): ")
+    rsd = judged(uniform(), delivery_checks(uniform(), Verify(**off | {"rsd": 0.12})), of_file=False)
+    assert rsd.sentence.startswith("U0 0.90 (30 % off): ")
+
+
 def test_lit_efficiency_counts_the_light_of_the_source_in_metrics_and_limits():
     """93 % are reflected totally; of what passes nearly all arrives: 0.2 had called that well done."""
     assert graded(picture(lit_efficiency=0.06, efficiency=0.065, stray=0.0)) == "light misses"
@@ -254,11 +262,13 @@ def test_the_verdict_begins_with_the_numbers_and_names_the_first_check_that_deci
     )
     assert str(judged(picture(), [good, lit], of_file=False)).endswith("the light asked for")
     assert str(judged(picture(), [good])) == (
-        "90.0% of the light arrives on the target: no light was requested, and the file is the lens"
+        "90.0% of the light arrives on the target: no limit of the light is set, and the file is the lens"
     )
-    assert str(judged(uniform(min_over_mean=0.31), [light, more])) == (
-        "U0 0.31 (30 % off): the light misses what was asked for: b 0.3 (at most 0.2), and 1 more"
+    even = Check("uniformity", 0.3, 0.2, "", subject="light")
+    assert str(judged(uniform(min_over_mean=0.31), [even, more])) == (
+        "U0 0.31 (30 % off): the light misses what was asked for: uniformity 0.3 (at most 0.2), and 1 more"
     )
+    assert str(judged(uniform(), [light])).startswith("30 % off: the light misses")
     assert str(judged(picture(rel_l2_error=0.004), [light, file])) == (
         "5 +- 0.4 % off: the file, the part or a limit of making fails: c 0.73 mm (at most 0.5)"
     )
