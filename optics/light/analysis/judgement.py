@@ -142,10 +142,14 @@ def _beam_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
             continue
         for plane, planes in (("c0", "C0-C180"), ("c90", "C90-C270")):
             value, error = beam[f"{name}_{plane}"], beam.get(f"{name}_{plane}_error", 0.0)
+            remark = ""
+            if value is None:
+                remark, bound = BEYOND, beam.get(f"{name}_{plane}_at_least")
+                if bound is not None and (bound > greatest or (bound >= least and isinf(greatest))):
+                    value = bound
             at_least = bool(least) and (
                 isinf(greatest) or (value is not None and 2 * value < least + greatest)
             )
-            remark = BEYOND if value is None else ""
             limit = least if at_least else greatest
             called = f"{name.replace('_', ' ')} in {planes}"
             yield Check(called, value, limit, "degrees", at_least, error, "light", remark)

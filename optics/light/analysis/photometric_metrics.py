@@ -109,7 +109,8 @@ def uniformity_metrics(
 def beam_metrics(
     system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats
 ) -> dict[str, float | None]:
-    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
+    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles; the
+    least width that angles beyond the target have.
 
     intensity, error : (rows, columns); the error as a standard deviation.
     """
@@ -123,6 +124,8 @@ def beam_metrics(
         for plane, curve in curves.items():
             name = f"{angle}_{plane.partition('-')[0].lower()}"
             found[name] = curve.width(share)
+            if found[name] is None:
+                found[f"{name}_at_least"] = curve.least_width(share)
             if found[name] is not None and error.any():
                 found[f"{name}_error"] = curve.error_of_width(share, errors[plane].intensity)
     return found

@@ -200,6 +200,25 @@ def test_the_angles_of_a_beam_are_judged_in_both_planes(changes, grade):
     assert graded(values) == "made"
 
 
+@pytest.mark.parametrize(
+    ("bound", "limits", "result"),
+    [
+        (18.0, (9.0, inf), "passed"),
+        (18.0, (9.0, 11.0), "failed"),
+        (18.0, (0.0, 11.0), "failed"),
+        (18.0, (9.0, 20.0), "undecided"),
+        (18.0, (20.0, inf), "undecided"),
+        (None, (9.0, inf), "undecided"),
+    ],
+)
+def test_a_beam_beyond_the_target_is_judged_by_its_width_within(bound, limits, result):
+    values = uniform(beam=BEAM | {"beam_angle_c0": None, "beam_angle_c0_at_least": bound})
+    check = next(iter(delivery_checks(values, Verify(beam_angle=limits))))
+    assert check.name == "beam angle in C0-C180"
+    assert check.result == result
+    assert check.remark == "the light goes on beyond the target; make target.half_width larger"
+
+
 def test_the_verdict_begins_with_the_angles_where_they_are_judged():
     values = uniform(beam=BEAM | {"beam_angle_c0": 9.4})
     checks = delivery_checks(values, Verify(beam_angle=(9.0, 11.0)))
