@@ -59,8 +59,9 @@ class LimitKeeper:
     def _of_map(self, start: TransportStart) -> Sags:
         return *self._present[:-1], start.fit(self._present[-1].space).sag
 
-    def minimised(self, search: Search, iterations: int, log: Log) -> tuple[Sags, Found]:
-        """Return the best sags that are found, within the limits where that can be, and the last search.
+    def minimised(self, search: Search, iterations: int, log: Log) -> tuple[Sags, Found | None]:
+        """Return the best sags that are found, within the limits where that can be, and the last search, None
+        where they are not its result.
 
         Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
@@ -84,9 +85,10 @@ class LimitKeeper:
                 shape = shape.tightened(_coefficients(sags))
                 found = minimised(found.search.begun_again(sags, shape), ceil(SHORTER * iterations), log)
                 sags = found.sags
-            sags = self._best(search, self._shapes.certified(sags, keys), keys, log)
+            searched = self._shapes.certified(sags, keys)
+            sags = self._best(search, searched, keys, log)
             self._name_costs(search, sags, log)
-            return sags, found
+            return sags, found if sags is searched else None
         except KeyboardInterrupt:
             raise Interrupted(log.state(sags)) from None
 

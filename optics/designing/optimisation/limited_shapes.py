@@ -163,7 +163,7 @@ class LimitedShapes:
         return [LimitCost(miss, None, None, surface) for miss in misses]
 
     def active(self, sags: Sags) -> list[Miss]:
-        """Return the limits on curvature that surfaces keep with less than a share ACTIVE of them to spare."""
+        """Return the limits on curvature that surfaces keep with less than a share ACTIVE to spare."""
         shaped, lens = self._system.with_sags(self._lens, sags)
         limits = self._system.problem.limits
         nearer = replace(limits, **{key: getattr(limits, key) * (1 + ACTIVE) for key in BENDING})
@@ -280,13 +280,13 @@ def _heights(before: list[Floats], bounds: Sequence[float], penalty: ShapePenalt
 
 def _nearest(variables: BoundedVariables, distance: SlopeDistance, penalty: ShapePenalty) -> list[Floats]:
     """Return coefficients near the variables' start that are cleared, or the last that were tried."""
-    weights, charged = variables.zeros(), penalty
+    weights, penalised = variables.zeros(), penalty
     for _ in range(PASSES):
-        weights = _least(variables, distance, charged, weights)
+        weights = _least(variables, distance, penalised, weights)
         found = variables.coefficients(weights)[0]
         if penalty.cleared(found):
             break
-        charged = charged.tightened(found)
+        penalised = penalised.tightened(found)
     return found
 
 

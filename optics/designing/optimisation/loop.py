@@ -264,11 +264,11 @@ class _Run:
             wanted, asked = system.with_sags(task.lens, sags)
             gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements(asked)}
             crossings = {name: -gap for name, gap in gaps.items() if gap < 0}
-        if system.source.extended:  # the optimiser fits the noise of its own rays too
+        if found and system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = system.problem.run.seed, FRESH
             others = of_stage(stage, fresh=fresh, background=task.background)
             log.rows[found.row] = replace(log.rows[found.row], fresh_fit=others(found.coefficients).fit)
-        if last and found.fall > FALLING:
+        if found and last and found.fall > FALLING:
             listener.note(
                 f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
                 f"{found.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"

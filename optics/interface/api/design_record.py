@@ -95,7 +95,8 @@ class DesignRecord:
     @property
     def run_metrics(self) -> dict[str, Any]:
         """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
-        measured = [row for row in self.history if row.fresh_fit is not None][-1:]
+        last = self.history[-1].stage if self.history else 0  # its search may not have made the result
+        measured = [row for row in self.history if row.fresh_fit is not None and row.stage == last][-1:]
         return {
             "dof": sum(sag.space.dim for sag in self.system.sags(self.lens)),
             "levels": max(sag.space.levels for sag in self.system.sags(self.lens)),

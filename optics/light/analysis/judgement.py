@@ -248,7 +248,10 @@ def headline(metrics: dict[str, Any], checks: Sequence[Check] = ()) -> str:
     off = f"{error_words(metrics)} off"
     if names & {ERROR_NAME, CONTRAST_NAME}:
         judged_numbers.append(off)
-    if any(name.startswith((UNIFORMITY, RSD_NAME)) for name in names) and uniformity.get("min_over_mean") is not None:
+    if (
+        any(name.startswith((UNIFORMITY, RSD_NAME)) for name in names)
+        and uniformity.get("min_over_mean") is not None
+    ):
         judged_numbers.append(f"U0 {uniformity['min_over_mean']:.2f}")
     if not judged_numbers and uniformity and LIT_NAME in names:
         judged_numbers.append(f"{metrics['lit_efficiency']:.0%} of the source's light on the lit region")

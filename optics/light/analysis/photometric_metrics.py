@@ -109,8 +109,9 @@ def uniformity_metrics(
 def beam_metrics(
     system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats
 ) -> dict[str, float | None]:
-    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles; the
-    least width that angles beyond the target have.
+    """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
+
+    Where light goes on beyond the target, the angle within the target takes the place of the error.
 
     intensity, error : (rows, columns); the error as a standard deviation.
     """

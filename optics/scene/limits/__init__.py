@@ -13,6 +13,6 @@ if TYPE_CHECKING:
         limit_misses,
         require_limits,
     )
-    from optics.scene.limits.remedies import THINNEST, limit_sentences
+    from optics.scene.limits.remedies import KEPT_THICKNESS, limit_sentences
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

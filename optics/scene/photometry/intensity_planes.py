@@ -42,9 +42,9 @@ class PlaneCurve:
         return self._crossing(last + 1, last, level) - self._crossing(first - 1, first, level)
 
     def least_width(self, share: float) -> float | None:
-        """Return the angle between the outermost samples of at least a share of the greatest intensity, degrees.
+        """Return the angle between the outermost samples of a share of the greatest intensity, degrees.
 
-        The width is at least this, also where light goes on beyond the samples.  None where there is no light.
+        The width is at least this, also where light goes on beyond the samples.  None without light.
         """
         level = share * float(self.intensity.max())
         if level <= 0:

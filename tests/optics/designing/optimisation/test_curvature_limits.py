@@ -117,6 +117,7 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
     def ruined(search, iterations, log):
         found = genuine(search, 0, log)
         object.__setattr__(found, "coefficients", [0.0 * c for c in found.coefficients])
+        object.__setattr__(found, "fall", 0.5)
         return found
 
     monkeypatch.setattr(limit_keeper, "minimised", ruined)
@@ -124,6 +125,7 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
     done = designed(system, backend)
     assert checked(done) == []
     assert light_of(done, backend)["rel_l2"] <= paraboloid_light(system, backend, HELD * 400.0)
+    assert not any("stopped by its" in note for note in done.notes)  # of a search that is left
 
 
 def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
@@ -142,7 +144,7 @@ def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
 
 
 def test_a_limit_is_named_where_the_design_does_not_follow_the_map(backend):
-    """The base surface of 259 mm makes the light; its start is flat, so that `check` names the map's surface."""
+    """The base surface of 259 mm makes the light; the start is flat, so `check` names the map's surface."""
     flat = {"optimizer.start": "flat", "lens.rear.radius": 259.0, "target.pixels": (24, 24)}
     system = system_of(backend, **SMALL | flat, **{"limits.concave_radius": 400.0})
     (sentence,) = [note for note in designed(system, backend).notes if names_cost(note)]
