@@ -99,13 +99,15 @@ def transport_start(
 
     It needs none where the problem asks for a flat start, where the map asks for too much sag, where its
     light is no better than that of the base surface, and where the state to go on from has no level before
-    it.
+    it and the problem does not limit curvature.
     """
     if system.problem.optimizer.start == "flat":
         return None
     if state is not None:
         plan = stages(system, state.started_from_transport)
-        over = state.stage >= len(plan) or plan[state.stage].level == plan[-1].level
+        over = state.stage >= len(plan) or (
+            plan[state.stage].level == plan[-1].level and not _bending_is_limited(system)
+        )
         if over or not state.started_from_transport:
             return None
     start = start or TransportStart(system, backend)
@@ -117,6 +119,12 @@ def transport_start(
         return start
     note(choice.doubt + (INSTEAD if choice.useless else FAR_OFF))
     return None if choice.useless else start
+
+
+def _bending_is_limited(system: OpticalSystem) -> bool:
+    """Return whether the problem limits curvature, so that a last level needs the surface of the map."""
+    limits = system.problem.limits
+    return bool(limits.radius or limits.concave_radius)
 
 
 def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:

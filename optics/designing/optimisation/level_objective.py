@@ -24,7 +24,7 @@ from optics.designing.starts import TransportStart, summed_over_cells
 from optics.light.analysis import nonsequential_light
 from optics.light.engines import Engine, Film, JointModel, LightModel, light_within, sharp_engine
 from optics.light.measuring import Mirrors
-from optics.scene.limits import THINNEST, feature_levels
+from optics.scene.limits import KEPT_THICKNESS, feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow, with_mirror_images
 from optics.scene.system import OpticalSystem
@@ -162,7 +162,7 @@ def penalised_objective(
     options, limits, shapes = system.problem.optimizer, system.problem.limits, []
     for (optic, shape), crosses in zip(system.free_elements(lens), can_cross(system)):
         kept = crosses and not limits.thickness
-        own = replace(limits, thickness=THINNEST * shape.thickness) if kept else limits
+        own = replace(limits, thickness=KEPT_THICKNESS * shape.thickness) if kept else limits
         shapes.append(limited_part(optic, shape, own))
     return Objective(
         model,

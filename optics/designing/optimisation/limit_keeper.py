@@ -22,7 +22,7 @@ from optics.designing.optimisation.limited_shapes import BENDING, LimitedShapes,
 from optics.designing.optimisation.stage_search import Found, Interrupted, Log, Search, minimised
 from optics.designing.penalties import ShapePenalty
 from optics.designing.starts import TransportStart
-from optics.scene.limits import costs_light
+from optics.scene.limits import active_sentence, costs_light
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -30,6 +30,7 @@ from thbcad.surfaces import THBSurface
 
 PASSES = 3  # of the augmented Lagrangian at most
 SHORTER = 0.5  # of the stage's iterations, in every pass
+FAR = 0.1  # rel_l2 from which an active limit is worth a note
 WORTH = 0.25  # of the loss of a start that misses limits: the most of one that is moved within them
 
 
@@ -38,19 +39,29 @@ class LimitKeeper:
 
     guide : the transport map whose surface the design would follow without limits, if there is one.
     note : called with a sentence where limits stand in the way.
+    known : the transport map, if there is one, also where the design does not follow it.
     """
 
     def __init__(
-        self, system: OpticalSystem, lens: Lens, guide: TransportStart | None, note: Callable[[str], object]
+        self,
+        system: OpticalSystem,
+        lens: Lens,
+        guide: TransportStart | None,
+        note: Callable[[str], object],
+        known: TransportStart | None = None,
     ) -> None:
-        self._note, self._guided, self._wanted = note, guide is not None, system.sags(lens)
-        if guide is not None:
-            self._wanted = *self._wanted[:-1], guide.fit(self._wanted[-1].space).sag
+        self._note, self._guide, self._known = note, guide, guide or known
+        self._present = system.sags(lens)
+        self._wanted = self._present if guide is None else self._of_map(guide)
         self._shapes = LimitedShapes(system, lens, guide.rear_slopes()[0] if guide else None)
         self._penalty = self._shapes.penalty(fine=False)
 
-    def minimised(self, search: Search, iterations: int, log: Log) -> tuple[Sags, Found]:
-        """Return the best sags that are found, within the limits where that can be, and the last search.
+    def _of_map(self, start: TransportStart) -> Sags:
+        return *self._present[:-1], start.fit(self._present[-1].space).sag
+
+    def minimised(self, search: Search, iterations: int, log: Log) -> tuple[Sags, Found | None]:
+        """Return the best sags that are found, within the limits where that can be, and the last search, None
+        where they are not its result.
 
         Raises Interrupted : on Ctrl-C.  NumericalError : the loss is not finite.
         """
@@ -74,9 +85,10 @@ class LimitKeeper:
                 shape = shape.tightened(_coefficients(sags))
                 found = minimised(found.search.begun_again(sags, shape), ceil(SHORTER * iterations), log)
                 sags = found.sags
-            sags = self._best(search, self._shapes.certified(sags, keys), keys, log)
+            searched = self._shapes.certified(sags, keys)
+            sags = self._best(search, searched, keys, log)
             self._name_costs(search, sags, log)
-            return sags, found
+            return sags, found if sags is searched else None
         except KeyboardInterrupt:
             raise Interrupted(log.state(sags)) from None
 
@@ -144,15 +156,25 @@ class LimitKeeper:
         return every[best]
 
     def _name_costs(self, search: Search, sags: Sags, log: Log) -> None:
-        """Note which limits cost the light of the sags that are found, as the map's surface would make it."""
+        """Note which limits cost the light of the sags that are found.
+
+        They are compared with the surface of the map, or with the present one where there is no map.  Where
+        neither shows a cost, and the light is far from the target, the limits are noted that are active.
+        """
 
         def misfit(sags: Sags) -> float:
             log.evaluations += 1
             return search.objective(_coefficients(sags)).fit
 
-        if self._guided and costs_light(misfit(sags), misfit(self._wanted)):
-            for cost in self._shapes.costs(self._wanted, misfit):
-                self._note(cost.sentence)
+        wanted = self._present if self._known is None else self._of_map(self._known)
+        surface = "the start" if self._guide or not self._known else "the map's surface"
+        fit = misfit(sags)
+        costs = self._shapes.costs(wanted, misfit, surface) if costs_light(fit, misfit(wanted)) else []
+        sentences = [cost.sentence for cost in costs]
+        if not costs and fit > FAR and self._guide is None:
+            sentences = [active_sentence(m.key, m.wanted, m.unit) for m in self._shapes.active(sags)]
+        for sentence in sentences:
+            self._note(sentence)
 
 
 def _coefficients(sags: Sequence[THBSurface]) -> list[Floats]:

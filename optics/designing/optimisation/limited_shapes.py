@@ -27,6 +27,7 @@ from optics.designing.penalties import (
 from optics.designing.starts import RearLight
 from optics.light.measuring import symmetry_axes
 from optics.scene.limits import LimitCost, Miss, limit_misses
+from optics.scene.problem import Optic
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens, radii_within
@@ -48,6 +49,7 @@ INSIDE = 0.99  # of z_freedom
 CUT = 0.01  # of z_freedom: less is not worth a sentence
 LIT = 0.1  # of the greatest weight, of cells that light meets
 BENDING = "radius", "concave_radius"
+ACTIVE = 0.02  # of a limit
 
 
 class LimitedShapes:
@@ -137,32 +139,55 @@ class LimitedShapes:
         ends = ((*others, THBSurface(last.space, c + shift)) for shift in (-bound - c.min(), bound - c.max()))
         return [end for end in ends if penalty.cleared([sag.coefficients for sag in end])]
 
-    def costs(self, sags: Sags, misfit: Callable[[Sags], float]) -> list[LimitCost]:
+    def costs(
+        self, sags: Sags, misfit: Callable[[Sags], float], surface: str = "the start"
+    ) -> list[LimitCost]:
         """Return what every limit that surfaces miss costs the light alone, the greatest cost first.
 
-        misfit : called with sags, returns their rel_l2.
+        misfit : called with sags, returns their rel_l2.  surface : the noun of the surfaces.
         """
-        penalty, free, found = self.penalty(fine=False), misfit(sags), list[LimitCost]()
+        penalty, free, found = self.penalty(fine=False), misfit(sags), list[tuple[float, LimitCost]]()
         assert penalty is not None, "there are limits"
         for miss in self._misses_where_lit(sags):
             only = penalty.only((miss.key,))
             conics = self.conics(sags, only) if miss.key in BENDING else None
             near = [other for other in (conics, self.moved(sags, only, conics)) if other]
             if near:
-                found.append(LimitCost(miss, min(map(misfit, near)), free))
-        return sorted((cost for cost in found if cost.counts), key=lambda cost: -cost.kept)
+                kept = min(map(misfit, near))
+                found.append((kept, LimitCost(miss, kept, free, surface)))
+        return [cost for _, cost in sorted(found, key=lambda pair: -pair[0]) if cost.counts]
+
+    def unknown_costs(self, sags: Sags, surface: str) -> list[LimitCost]:
+        """Return the limits on curvature that surfaces miss, where their rel_l2 is not known."""
+        misses = [miss for miss in self._misses_where_lit(sags) if miss.key in BENDING]
+        return [LimitCost(miss, None, None, surface) for miss in misses]
+
+    def active(self, sags: Sags) -> list[Miss]:
+        """Return the limits on curvature that surfaces keep with less than a share ACTIVE to spare."""
+        shaped, lens = self._system.with_sags(self._lens, sags)
+        limits = self._system.problem.limits
+        nearer = replace(limits, **{key: getattr(limits, key) * (1 + ACTIVE) for key in BENDING})
+        found = {
+            miss.key: replace(miss, wanted=getattr(limits, miss.key))
+            for optic, shape in shaped.free_elements(lens)
+            for miss in limit_misses(
+                replace(shaped.problem, limits=nearer).about(optic), limited_metrics(optic, shape, nearer)
+            )
+            if miss.key in BENDING and miss.most > 0
+        }
+        return list(found.values())
 
     def _misses_where_lit(self, sags: Sags) -> list[Miss]:
         """Return the limits that surfaces miss, one of each key; radii count only where light goes."""
         shaped, lens = self._system.with_sags(self._lens, sags)
-        found = dict[str, Miss]()
-        for miss in curable_misses(shaped, lens):
-            if miss.key in BENDING and self._light is not None and miss.surface == self._system.shaped:
+        found, met = dict[str, Miss](), (shaped.problem.optic.called, shaped.shaped)
+        for optic, miss in _curable_misses(shaped, lens):
+            if miss.key in BENDING and self._light is not None and (optic.called, miss.surface) == met:
                 concave, convex = radii_within(lens, miss.surface, _half_widths(self._light))
                 ends = [concave, *([convex] if miss.key == "radius" else [])]
                 short = max(0.0, miss.wanted - min(end.lower for end in ends))
                 miss = replace(miss, most=short, least=short)
-            if miss.most > found.get(miss.key, miss).least or miss.key not in found:
+            if miss.key not in found or miss.most > found[miss.key].most:
                 found[miss.key] = miss
         return [miss for miss in found.values() if miss.most > 0]
 
@@ -182,7 +207,7 @@ class LimitedShapes:
 
     def missed(self, sags: Sags) -> set[str]:
         """Return the keys of the limits that are not certainly kept, except those that no sag can mend."""
-        return {miss.key for miss in curable_misses(*self._system.with_sags(self._lens, sags))}
+        return {miss.key for _, miss in _curable_misses(*self._system.with_sags(self._lens, sags))}
 
     def moved(self, sags: Sags, penalty: ShapePenalty, within: Sags | None = None) -> Sags | None:
         """Return sags near others that leave half the room of every limit; None where none are found.
@@ -215,11 +240,12 @@ class LimitedShapes:
         return lifted, heights, cut if heights.any() else 0.0
 
 
-def curable_misses(system: OpticalSystem, lens: Lens) -> list[Miss]:
-    """Return the limits that free elements may miss, but for those that no coefficient can mend."""
+def _curable_misses(system: OpticalSystem, lens: Lens) -> list[tuple[Optic, Miss]]:
+    """Return the limits that free elements may miss, each with its element, except those that no coefficient
+    can mend."""
     problem = system.problem
     return [
-        miss
+        (optic, miss)
         for optic, shape in system.free_elements(lens)
         for miss in limit_misses(problem.about(optic), limited_metrics(optic, shape, problem.limits))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
@@ -254,13 +280,13 @@ def _heights(before: list[Floats], bounds: Sequence[float], penalty: ShapePenalt
 
 def _nearest(variables: BoundedVariables, distance: SlopeDistance, penalty: ShapePenalty) -> list[Floats]:
     """Return coefficients near the variables' start that are cleared, or the last that were tried."""
-    weights, charged = variables.zeros(), penalty
+    weights, penalised = variables.zeros(), penalty
     for _ in range(PASSES):
-        weights = _least(variables, distance, charged, weights)
+        weights = _least(variables, distance, penalised, weights)
         found = variables.coefficients(weights)[0]
         if penalty.cleared(found):
             break
-        charged = charged.tightened(found)
+        penalised = penalised.tightened(found)
     return found
 
 

@@ -139,6 +139,7 @@ def shape_lens(
         flux,
         axes,
         start if state.started_from_transport else None,
+        start,
         clock,
         stages(system, state.started_from_transport),
     )
@@ -189,7 +190,8 @@ class _Run:
     """What stays the same through a run.
 
     flux : that the unoptimised lens sends on, W.  axes : directions of mirror symmetry that is kept.
-    guide : the transport map whose surface every level starts from.  clock : `perf_counter()` at the start.
+    guide : the transport map whose surface every level starts from.  known : the map, also where levels do
+    not start from it.  clock : `perf_counter()` at the start.
     """
 
     system: OpticalSystem
@@ -198,6 +200,7 @@ class _Run:
     flux: float
     axes: Sequence[int]
     guide: TransportStart | None
+    known: TransportStart | None
     clock: float
     plan: Sequence[Stage]
 
@@ -244,7 +247,7 @@ class _Run:
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         log.evaluations += PROBES
         try:
-            keeper = LimitKeeper(system, task.lens, self.guide, listener.note)
+            keeper = LimitKeeper(system, task.lens, self.guide, listener.note, self.known)
             if last:
                 sags, found = keeper.minimised(search, stage.iterations, log)
             else:
@@ -261,11 +264,11 @@ class _Run:
             wanted, asked = system.with_sags(task.lens, sags)
             gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements(asked)}
             crossings = {name: -gap for name, gap in gaps.items() if gap < 0}
-        if system.source.extended:  # the optimiser fits the noise of its own rays too
+        if found and system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = system.problem.run.seed, FRESH
             others = of_stage(stage, fresh=fresh, background=task.background)
             log.rows[found.row] = replace(log.rows[found.row], fresh_fit=others(found.coefficients).fit)
-        if last and found.fall > FALLING:
+        if found and last and found.fall > FALLING:
             listener.note(
                 f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
                 f"{found.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"

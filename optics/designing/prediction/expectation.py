@@ -155,7 +155,8 @@ def expected(
     shares = past.shares(fates.on_target + past.light.on_target, flux) if past and past.missed else None
     past_sentences = past_notes({"past_elements": shares})
     undisturbed = fates.blocked < TAKEN * flux and not past_sentences
-    costs = _limit_costs(system, backend, start, coarsening)
+    surface = "the start" if from_transport else "the map's surface"
+    costs = _limit_costs(system, backend, start, coarsening, surface)
     predictable = from_transport and start.within(fit) and fine and _is_known(system)
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
     shape = lens if mapped else system.lens
@@ -200,14 +201,18 @@ def expected(
 
 
 def _limit_costs(
-    system: OpticalSystem, backend: Backend, start: TransportStart, coarsening: int
+    system: OpticalSystem, backend: Backend, start: TransportStart, coarsening: int, surface: str
 ) -> tuple[LimitCost, ...]:
-    """Return what limits of manufacture cost the light of the start on the whole mesh of the last level."""
-    if system.source.extended or system.problem.limits == Limits():
+    """Return what limits of manufacture cost the light of the map's surface on the whole mesh of the last
+    level.  surface : its noun."""
+    if system.problem.limits == Limits():
         return ()
     shaping = system.shaping
     sags = *shaping.sags(shaping.lens)[:-1], start.finest_fit().sag
     shaped, lens = shaping.with_sags(shaping.lens, sags)
+    shapes = LimitedShapes(shaped, lens, start.rear_slopes()[0])
+    if system.source.extended:
+        return tuple(shapes.unknown_costs(sags, surface))
 
     def misfit(sags: Sequence[THBSurface]) -> float:
         other, of_sags = shaped.with_sags(lens, sags)
@@ -215,7 +220,7 @@ def _limit_costs(
         assert error is not None, "sources with extent are left out"
         return error
 
-    return tuple(LimitedShapes(shaped, lens, start.rear_slopes()[0]).costs(sags, misfit))
+    return tuple(shapes.costs(sags, misfit, surface))
 
 
 def predicted_rel_l2(target: Floats, start_error: float) -> float:

@@ -106,7 +106,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     if whose:
         return f"rel_l2: not predicted for a plate, whose pictures are displaced; {start}"
     if expected.blocked >= TAKEN:
-        taken = f"{_takes(expected)} {expected.blocked:.1%} of the light"
+        taken = f"{_blocking_verb(expected)} {expected.blocked:.1%} of the light"
         return f"rel_l2: not predicted, since {' and '.join(expected.blocking)} {taken}; {start}"
     if expected.past:
         return f"rel_l2: not predicted, since light passes by elements on its way to the target; {start}"
@@ -124,7 +124,7 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     return f"rel_l2: below {max(expected.rel_l2, LEAST_ERROR):.2g}; {start}"
 
 
-def _takes(expected: Expectation) -> str:
+def _blocking_verb(expected: Expectation) -> str:
     """Return the verb of what blocks light."""
     return "take" if len(expected.blocking) > 1 else "takes"
 

@@ -95,7 +95,8 @@ class DesignRecord:
     @property
     def run_metrics(self) -> dict[str, Any]:
         """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
-        measured = [row for row in self.history if row.fresh_fit is not None][-1:]
+        last = self.history[-1].stage if self.history else 0  # its search may not have made the result
+        measured = [row for row in self.history if row.fresh_fit is not None and row.stage == last][-1:]
         return {
             "dof": sum(sag.space.dim for sag in self.system.sags(self.lens)),
             "levels": max(sag.space.levels for sag in self.system.sags(self.lens)),
@@ -119,7 +120,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         metrics["rel_l2_one_blur"] = limits.least
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
-    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged_note(metrics)]:
+    unjudged = unjudged_note(metrics, system.problem.verify)
+    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged]:
         notes(sentence)
     if not metrics["efficiency"]:
         notes(f"no light reaches the target; {_towards_light(metrics[system.units.key('fates')])}")

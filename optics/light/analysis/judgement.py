@@ -15,7 +15,7 @@ from typing import Any
 from optics.base.runtime import RESOLVED, Check, Grade, grade
 from optics.light.analysis.light_of_rays import pixels_for
 from optics.light.tracing import fate_sentences
-from optics.scene.limits import COSTS
+from optics.scene.limits import names_cost
 from optics.scene.photometry import NOISE, Units
 from optics.scene.problem import Verify
 
@@ -27,10 +27,13 @@ WHAT_HELPS = (
 )
 UNJUDGED = "--set verify.min_over_mean=0 --set verify.min_over_max=0 --set verify.rsd=inf judges without it"
 BEYOND = "the light goes on beyond the target; make target.half_width larger"
+UNIFORMITY = "uniformity"  # begins the names of its checks, except that of RSD_NAME
+RSD_NAME = "relative standard deviation of"
 ERROR_NAME = "rel_l2, without noise"
 CONTRAST_NAME = "error relative to the picture's contrast"
 LIT_NAME = "light on the lit region, of the source's"
 STRAY_NAME = "light beside the target, of the source's"
+NO_ANGLES = 0.0, inf  # of a beam: no limit
 PICTURE_REL_L2 = 0.1  # the limit of pictures where it is left to the program
 FORBIDS = {"rel_l2_one_blur": "the blur", "rel_l2_by_etendue": "etendue"}  # least values of rel_l2
 NEAR = 1.1  # times what is allowed at best: as near as can be
@@ -93,13 +96,13 @@ def _zone_checks(metrics: dict[str, Any]) -> Iterator[Check]:
 def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
     """Yield the checks of uniform light; only one where its uniformity is not known, with the reason."""
     uniformity = metrics.get("uniformity")
-    if uniformity is None or uniformity.get("few_pixels"):
+    if uniformity is None or (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
         return
     symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
-        ("min_over_mean", f"uniformity U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
-        ("min_over_max", f"uniformity {symbol}_min / {symbol}_max", limits.min_over_max, True),
-        ("rsd", f"relative standard deviation of {symbol}", limits.rsd, False),
+        ("min_over_mean", f"{UNIFORMITY} U0 = {symbol}_min / {symbol}_mean", limits.min_over_mean, True),
+        ("min_over_max", f"{UNIFORMITY} {symbol}_min / {symbol}_max", limits.min_over_max, True),
+        ("rsd", f"{RSD_NAME} {symbol}", limits.rsd, False),
     )
     for key, name, limit, at_least in rows:
         if (at_least and not limit) or isinf(limit):
@@ -107,17 +110,24 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
         value, error = uniformity[key], uniformity[f"{key}_error"]
         if value is None:
             yield Check(
-                "uniformity", None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
+                UNIFORMITY, None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
             )
             return
         remark = _unless_resolved(metrics, value, error, limit)
         yield Check(name, value, limit, "", at_least, error, "light", remark)
 
 
+def _shape_is_limited(metrics: dict[str, Any], limits: Verify) -> bool:
+    """Return whether limits other than those of uniformity judge the shape of uniform light."""
+    angles = limits.beam_angle, limits.field_angle
+    of_beam = metrics.get("beam") is not None and any(angle != NO_ANGLES for angle in angles)
+    return of_beam or picture_limit(limits, uniform=True) < inf
+
+
 def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
     """Return why there is no uniformity, and an option that gives one or takes its limits off."""
     noise = uniformity.get("noise", 0.0)
-    if metrics.get("rays") and noise > NOISE:
+    if metrics.get("rays") and noise > NOISE and not uniformity.get("few_pixels"):
         more = _more_rays(metrics, (noise / NOISE) ** 2)
         return f"{uniformity['reason']}; {more}, or {UNJUDGED}"
     return f"{uniformity['reason']}; or {UNJUDGED}"
@@ -132,10 +142,14 @@ def _beam_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
             continue
         for plane, planes in (("c0", "C0-C180"), ("c90", "C90-C270")):
             value, error = beam[f"{name}_{plane}"], beam.get(f"{name}_{plane}_error", 0.0)
+            remark = ""
+            if value is None:
+                remark, bound = BEYOND, beam.get(f"{name}_{plane}_at_least")
+                if bound is not None and (bound > greatest or (bound >= least and isinf(greatest))):
+                    value = bound
             at_least = bool(least) and (
                 isinf(greatest) or (value is not None and 2 * value < least + greatest)
             )
-            remark = BEYOND if value is None else ""
             limit = least if at_least else greatest
             called = f"{name.replace('_', ' ')} in {planes}"
             yield Check(called, value, limit, "degrees", at_least, error, "light", remark)
@@ -195,7 +209,7 @@ def judged(
     subject = {"light misses": "light", "file or part fails": "file"}.get(found)
     rows = [c for c in checks if c.result == worst and subject in (None, c.subject)]
     requested = any(check.subject == "light" for check in checks)
-    makes = f"the {body} makes the light asked for" if requested else "no light was requested"
+    makes = f"the {body} makes the light asked for" if requested else "no limit of the light is set"
     says = {
         "made": f"{makes}{f', and the file is the {body}' * of_file}",
         "light misses": "the light misses what was asked for",
@@ -207,7 +221,7 @@ def judged(
         more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
         why = rows[0].remark if rows[0].value is None else rows[0].wanted
         sentence += f": {rows[0].name} {rows[0].got} ({why}){more}"
-    named = (note for note in notes if COSTS in note)  # a limit of manufacture
+    named = filter(names_cost, notes)  # limits of manufacture
     if found == "light misses" and (excuse := _excuse(metrics, rows) or next(named, "")):
         sentence += f"; {excuse}"
     return Verdict(found, sentence, tuple(checks), tuple(notes))
@@ -234,7 +248,10 @@ def headline(metrics: dict[str, Any], checks: Sequence[Check] = ()) -> str:
     off = f"{error_words(metrics)} off"
     if names & {ERROR_NAME, CONTRAST_NAME}:
         judged_numbers.append(off)
-    if uniformity.get("min_over_mean") is not None:
+    if (
+        any(name.startswith((UNIFORMITY, RSD_NAME)) for name in names)
+        and uniformity.get("min_over_mean") is not None
+    ):
         judged_numbers.append(f"U0 {uniformity['min_over_mean']:.2f}")
     if not judged_numbers and uniformity and LIT_NAME in names:
         judged_numbers.append(f"{metrics['lit_efficiency']:.0%} of the source's light on the lit region")
@@ -289,10 +306,11 @@ def past_notes(metrics: dict[str, Any]) -> list[str]:
     ]
 
 
-def unjudged_note(metrics: dict[str, Any]) -> list[str]:
-    """Return a sentence where the uniformity of even light is not judged, since its region has few pixels."""
+def unjudged_note(metrics: dict[str, Any], limits: Verify) -> list[str]:
+    """Return a sentence where uniformity is not judged because the lit region has few pixels and other limits
+    judge its shape."""
     uniformity = metrics.get("uniformity") or {}
-    if not uniformity.get("few_pixels"):
+    if not (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
         return []
     return [f"uniformity is not judged: {uniformity['reason']}"]
 

@@ -111,6 +111,8 @@ def beam_metrics(
 ) -> dict[str, float | None]:
     """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
 
+    Where light goes on beyond the target, the angle within the target takes the place of the error.
+
     intensity, error : (rows, columns); the error as a standard deviation.
     """
     density, units = system.density, system.units
@@ -123,6 +125,8 @@ def beam_metrics(
         for plane, curve in curves.items():
             name = f"{angle}_{plane.partition('-')[0].lower()}"
             found[name] = curve.width(share)
+            if found[name] is None:
+                found[f"{name}_at_least"] = curve.least_width(share)
             if found[name] is not None and error.any():
                 found[f"{name}_error"] = curve.error_of_width(share, errors[plane].intensity)
     return found

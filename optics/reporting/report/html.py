@@ -176,9 +176,11 @@ def _banner(report: Report) -> str:
     banner = f'<p class="banner {COLOURS[verdict.grade]}">{escape(verdict.sentence)}</p>'
     wrong = [c for c in verdict.checks if not c.ok]
     missed = {LIMIT.split(c.name)[0] for c in wrong if LIMIT.search(c.name)}
-    told = {note: {cause.split(": got ")[0] for cause in note.split("; ")} & missed for note in verdict.notes}
-    of_limits = [note for note, quantities in told.items() if quantities]
-    with_remedy = {quantity for quantities in told.values() for quantity in quantities}
+    causes = {
+        note: {cause.split(": got ")[0] for cause in note.split("; ")} & missed for note in verdict.notes
+    }
+    of_limits = [note for note, quantities in causes.items() if quantities]
+    with_remedy = {quantity for quantities in causes.values() for quantity in quantities}
     others = (c for c in wrong if LIMIT.split(c.name)[0] not in with_remedy)
     problems = [*map(_failure, others), *of_limits]
     if verdict.grade == "light misses":

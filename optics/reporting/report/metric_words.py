@@ -102,9 +102,10 @@ JUDGED = {
         for end, meaning in (
             ("", f"full width at {share:.0%} of the peak, plane {plane}"),
             ("_error", DEVIATION),
+            ("_at_least", "the same where the light goes on beyond the target: it is at least this wide"),
         )
     },
-    "few_pixels": ("", "the region is too few pixels wide for a uniformity, which is not judged"),
+    "few_pixels": ("", "the region is too few pixels wide for a uniformity"),
 }
 
 

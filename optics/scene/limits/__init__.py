@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from optics.scene.limits.limit_cost import COSTS, LimitCost, costs_light
+    from optics.scene.limits.limit_cost import LimitCost, active_sentence, costs_light, names_cost
     from optics.scene.limits.manufacture_text import LitPart, as_data, bound_data, manufacture_rows, position
     from optics.scene.limits.misses import (
         Miss,
@@ -13,6 +13,6 @@ if TYPE_CHECKING:
         limit_misses,
         require_limits,
     )
-    from optics.scene.limits.remedies import THINNEST, limit_sentences
+    from optics.scene.limits.remedies import KEPT_THICKNESS, limit_sentences
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

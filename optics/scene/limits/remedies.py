@@ -20,7 +20,7 @@ from optics.scene.problem import Optic, Problem
 from thbcad.lens import FreeformSurface, Lens, Manufacturability, mass
 
 DIGITS = 4  # of the numbers in a remedy
-THINNEST = 0.05  # of the thickness: the least that a design keeps where the surfaces could cross
+KEPT_THICKNESS = 0.05  # of the thickness: the least that a design keeps where the surfaces could cross
 LEAST_HEIGHT = 0.1  # of the height of the surfaces: flatter ones could not send the light there
 
 
@@ -55,7 +55,7 @@ def limit_sentences(
             kept = f"limits.{miss.key}={_allowed(problem, miss)}"
             wishes.append(Wish(cause, *_setting(problem, metrics, miss), kept))
     if crossing:
-        thicker = _rounded((problem.optic.thickness + crossing) / (1 - THINNEST), True)
+        thicker = _rounded((problem.optic.thickness + crossing) / (1 - KEPT_THICKNESS), True)
         cause = f"{of}the surfaces that the optimiser asks for cross by {crossing:.3g} mm"
         wishes.append(Wish(cause, problem.optic.key("thickness"), [thicker], True))
     wishes, given_up = _without_conflict(problem, metrics, wishes)

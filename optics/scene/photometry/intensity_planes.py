@@ -41,6 +41,17 @@ class PlaneCurve:
             return None
         return self._crossing(last + 1, last, level) - self._crossing(first - 1, first, level)
 
+    def least_width(self, share: float) -> float | None:
+        """Return the angle between the outermost samples of a share of the greatest intensity, degrees.
+
+        The width is at least this, also where light goes on beyond the samples.  None without light.
+        """
+        level = share * float(self.intensity.max())
+        if level <= 0:
+            return None
+        bright = np.flatnonzero(self.intensity >= level)
+        return float(self.gamma[bright[-1]] - self.gamma[bright[0]])
+
     def error_of_width(self, share: float, error: Floats) -> float:
         """Return the standard deviation of a width that is known, degrees: sqrt(sum (s / |dI/dgamma|)^2) over
         its two ends, with the error s of the intensity, (n,)."""

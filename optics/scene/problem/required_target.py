@@ -48,9 +48,10 @@ def require_angles(limits: Verify, target: Target) -> None:
     """
     for key in ("beam_angle", "field_angle"):
         least, greatest = pair = getattr(limits, key)
-        if least > greatest or isinf(least):
+        if least > greatest or isinf(least) or not greatest:
             raise UserError(
-                f"verify.{key} must be [least, greatest] in degrees, such as [9, 11], got {list(pair)}"
+                f"verify.{key} must be [least, greatest] in degrees with greatest > 0, such as [9, 11], "
+                f"got {list(pair)}"
             )
         if (least or greatest < inf) and not target.far_field:
             raise UserError(

@@ -91,9 +91,13 @@ def _of_holder(holder: str, limited: Sequence[ToleranceEffect]) -> list[str]:
     if easy := limited[len(costly) :]:
         allowed, tolerance = easy[0].allowed, easy[0].tolerance
         assert allowed is not None
-        others = f"of the other {len(easy)} " if costly else ""
+        amounts, each = "the usual amounts", "each"
+        if costly and len(easy) == 1:
+            amounts, each = "the usual amount of the other one", "it"
+        elif costly:
+            amounts = f"the usual amounts of the other {len(easy)}"
         lines.append(
-            f"{holder}: the usual amounts {others}will do, since each alone is at most {easy[0].cost:.0%} of "
+            f"{holder}: {amounts} will do, since {each} alone is at most {easy[0].cost:.0%} of "
             f"what keeps the limits. The nearest is {tolerance.name}: +- {tolerance.words} of +- "
             f"{tolerance.in_words(allowed.amount)}."
         )

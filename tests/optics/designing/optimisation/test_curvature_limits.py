@@ -1,15 +1,19 @@
 """Designs within limits on curvature make no worse light than the plain surfaces that keep the limits."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from optics.designing.optimisation import limit_keeper
 from optics.designing.optimisation.limited_shapes import LimitedShapes
+from optics.designing.optimisation.loop import Listener, shape_lens
 from optics.designing.penalties import limited_metrics
 from optics.designing.prediction import expectation_lines, expected, resolved
 from optics.light.analysis import measure
-from optics.scene.limits import limit_checks
-from optics.scene.problem import load_problem
+from optics.light.engines import ExactEngine
+from optics.scene.limits import limit_checks, names_cost
+from optics.scene.problem import Problem, load_problem
 from optics.scene.system import solvable_system
 from tests.cases import EXAMPLES
 from tests.optics.designing.optimisation.cases import designed
@@ -113,6 +117,7 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
     def ruined(search, iterations, log):
         found = genuine(search, 0, log)
         object.__setattr__(found, "coefficients", [0.0 * c for c in found.coefficients])
+        object.__setattr__(found, "fall", 0.5)
         return found
 
     monkeypatch.setattr(limit_keeper, "minimised", ruined)
@@ -120,6 +125,7 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
     done = designed(system, backend)
     assert checked(done) == []
     assert light_of(done, backend)["rel_l2"] <= paraboloid_light(system, backend, HELD * 400.0)
+    assert not any("stopped by its" in note for note in done.notes)  # of a search that is left
 
 
 def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
@@ -135,6 +141,79 @@ def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
     x = np.linspace(-40.0, 40.0, 9)
     sphere = 300 - np.sqrt(300**2 - x**2)  # of all such surfaces nearest to one that bends more everywhere
     np.testing.assert_allclose(lens.rear(x, 0 * x) - lens.rear(0.0, 0.0), sphere, atol=0.02)
+
+
+def test_a_limit_is_named_where_the_design_does_not_follow_the_map(backend):
+    """The base surface of 259 mm makes the light; the start is flat, so `check` names the map's surface."""
+    flat = {"optimizer.start": "flat", "lens.rear.radius": 259.0, "target.pixels": (24, 24)}
+    system = system_of(backend, **SMALL | flat, **{"limits.concave_radius": 400.0})
+    (sentence,) = [note for note in designed(system, backend).notes if names_cost(note)]
+    assert sentence.startswith(
+        "limits.concave_radius = 400 mm costs the light: the start has a rel_l2 of 0.5"
+    )
+    found, _ = expected(system, backend)
+    (cost,) = found.limit_costs
+    assert "costs the light: the map's surface has a rel_l2 of 0.5" in cost.sentence
+
+
+def test_a_run_resumed_on_the_last_level_ends_as_the_run_in_one_go(backend):
+    changes = {"target.pixels": (24, 24), "limits.concave_radius": 265.0}
+    system = system_of(backend, **SMALL | changes)
+    done, notes = designed(system, backend), []
+    state = done.checkpoints[0]
+    assert state.stage == len(done.plan) - 1
+    listener = Listener(note=notes.append)
+    _, resumed = shape_lens(system, backend, ExactEngine(backend), state, listener=listener)
+    found, expected_sag = resumed.sags[-1].coefficients, done.state.sags[-1].coefficients
+    np.testing.assert_allclose(found, expected_sag, rtol=0, atol=1e-9)
+    assert any(names_cost(note) for note in done.notes)
+    assert notes == done.notes
+
+
+def test_a_limit_at_which_a_design_ends_is_active(backend):
+    system = system_of(backend, **SMALL, **{"lens.rear.radius": 404.0, "limits.concave_radius": 400.0})
+    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags(system.lens))
+    (active,) = LimitedShapes(system, system.lens).active(sags)
+    assert (active.key, active.wanted) == ("concave_radius", 400.0)
+    far = system_of(backend, **SMALL, **{"lens.rear.radius": 412.0, "limits.concave_radius": 400.0})
+    assert LimitedShapes(far, far.lens).active(sags) == []
+
+
+def test_check_names_a_limit_of_a_source_with_extent_by_the_radius_that_the_start_has(backend):
+    source = {"kind": "lambertian", "half_width": (0.5, 0.5), "distance": 150.0}
+    system = system_of(backend, **SMALL, source=source, **{"limits.concave_radius": 400.0})
+    found, _ = expected(system, backend)
+    (cost,) = found.limit_costs
+    assert (cost.kept, cost.free) == (None, None)
+    assert names_cost(cost.sentence)
+    assert cost.miss.got < 400.0
+
+
+def test_the_lit_part_of_the_last_element_excuses_no_other(backend):
+    """Both elements have a free "rear"; that of the first has 200 mm, and the last is within the limit."""
+    lens = {"kind": "lens", "index": 1.5, "thickness": 10.0, "front": {"half_width": (50.0, 50.0)}}
+    free = {"half_width": (50.0, 50.0), "conic": -1.0, "freeform": {"spans": (4, 4), "z_freedom": 3.0}}
+    problem = Problem(
+        source={"kind": "collimated", "half_width": (40.0, 40.0), "distance": 5.0},
+        element=[
+            lens | {"name": "L1", "position": (0, 0, 0), "rear": free | {"radius": 200.0}},
+            lens | {"name": "L2", "position": (0, 0, 40), "rear": free | {"radius": 500.0}},
+        ],
+        target={"kind": "tophat", "position": (0, 0, 400), "half_width": (100.0, 100.0), "pixels": (32, 32)},
+        limits={"concave_radius": 300.0},
+    )
+    system = solvable_system(problem)
+    x = np.linspace(-20.0, 20.0, 9)
+    light = SimpleNamespace(x=x, y=x, weight=np.ones((9, 9)))
+    seen = []
+
+    class Seen(LimitedShapes):
+        def moved(self, sags, penalty, within=None):
+            seen.append(penalty.keys)
+            return sags
+
+    Seen(system, system.lens, light).costs(system.sags(system.lens), lambda _: 1.0)
+    assert seen[-1] == ("concave_radius",)
 
 
 @pytest.mark.slow

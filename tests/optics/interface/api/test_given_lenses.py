@@ -200,7 +200,7 @@ def test_no_light_is_judged_where_none_was_requested(halves, tmp_path):
     verdict = judged({"efficiency": 0.922}, checks, of_file=False)
     assert (verdict.grade, str(verdict)) == (
         "made",
-        "92.2% of the light arrives on the target: no light was requested",
+        "92.2% of the light arrives on the target: no limit of the light is set",
     )
 
 

@@ -109,6 +109,14 @@ def test_a_limit_that_is_taken_off_is_not_judged():
     assert graded(uniform(), stray=0.01) == "light misses"
 
 
+def test_a_verdict_without_limits_of_uniformity_begins_with_the_lit_efficiency():
+    off = {"min_over_mean": 0.0, "min_over_max": 0.0, "rsd": inf}
+    verdict = judged(uniform(), delivery_checks(uniform(), Verify(**off)), of_file=False)
+    assert verdict.sentence.startswith("80% of the source's light on the lit region (30 % off): ")
+    rsd = judged(uniform(), delivery_checks(uniform(), Verify(**off | {"rsd": 0.12})), of_file=False)
+    assert rsd.sentence.startswith("U0 0.90 (30 % off): ")
+
+
 def test_lit_efficiency_counts_the_light_of_the_source_in_metrics_and_limits():
     """93 % are reflected totally; of what passes nearly all arrives: 0.2 had called that well done."""
     assert graded(picture(lit_efficiency=0.06, efficiency=0.065, stray=0.0)) == "light misses"
@@ -156,12 +164,20 @@ def test_one_reason_why_there_is_no_uniformity_is_said_once_with_an_option_to_co
     )
 
 
-def test_uniformity_of_a_few_pixels_is_not_judged_and_a_note_says_so():
-    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="few")
+def test_uniformity_of_a_few_pixels_decides_nothing_unless_other_limits_judge_the_shape():
+    values = uniform(min_over_mean=None, min_over_max=None, rsd=None, reason="few", noise=0.02, rays=10**6)
     values["uniformity"]["few_pixels"] = True
-    assert graded(values) == "made"
-    assert unjudged_note(values) == ["uniformity is not judged: few"]
-    assert unjudged_note(uniform()) == unjudged_note(picture()) == []
+    values["beam"] = BEAM
+    assert graded(values) == graded(values, rel_l2=inf) == "not decided"
+    (unknown, _) = delivery_checks(values, Verify())
+    assert unknown.remark.startswith("few; or --set verify.min_over_mean=0 ")  # pixels help, rays do not
+    assert unjudged_note(values, Verify()) == []
+    for other in ({"rel_l2": 0.4}, {"beam_angle": (9.0, 11.0)}, {"field_angle": (0.0, 20.0)}):
+        assert graded(values, **other) == "made"
+        assert unjudged_note(values, Verify(**other)) == ["uniformity is not judged: few"]
+    off = {"min_over_mean": 0.0, "min_over_max": 0.0, "rsd": inf}
+    assert graded(values, **off) == "made"
+    assert unjudged_note(uniform(), Verify()) == unjudged_note(picture(), Verify()) == []
 
 
 BEAM = {f"{name}_{plane}": 10.0 for name in ("beam_angle", "field_angle") for plane in ("c0", "c90")}
@@ -182,6 +198,25 @@ def test_the_angles_of_a_beam_are_judged_in_both_planes(changes, grade):
     values = uniform(beam=BEAM | changes)
     assert graded(values, beam_angle=(9.0, 11.0)) == grade
     assert graded(values) == "made"
+
+
+@pytest.mark.parametrize(
+    ("bound", "limits", "result"),
+    [
+        (18.0, (9.0, inf), "passed"),
+        (18.0, (9.0, 11.0), "failed"),
+        (18.0, (0.0, 11.0), "failed"),
+        (18.0, (9.0, 20.0), "undecided"),
+        (18.0, (20.0, inf), "undecided"),
+        (None, (9.0, inf), "undecided"),
+    ],
+)
+def test_a_beam_beyond_the_target_is_judged_by_its_width_within(bound, limits, result):
+    values = uniform(beam=BEAM | {"beam_angle_c0": None, "beam_angle_c0_at_least": bound})
+    check = next(iter(delivery_checks(values, Verify(beam_angle=limits))))
+    assert check.name == "beam angle in C0-C180"
+    assert check.result == result
+    assert check.remark == "the light goes on beyond the target; make target.half_width larger"
 
 
 def test_the_verdict_begins_with_the_angles_where_they_are_judged():
@@ -246,11 +281,13 @@ def test_the_verdict_begins_with_the_numbers_and_names_the_first_check_that_deci
     )
     assert str(judged(picture(), [good, lit], of_file=False)).endswith("the light asked for")
     assert str(judged(picture(), [good])) == (
-        "90.0% of the light arrives on the target: no light was requested, and the file is the lens"
+        "90.0% of the light arrives on the target: no limit of the light is set, and the file is the lens"
     )
-    assert str(judged(uniform(min_over_mean=0.31), [light, more])) == (
-        "U0 0.31 (30 % off): the light misses what was asked for: b 0.3 (at most 0.2), and 1 more"
+    even = Check("uniformity", 0.3, 0.2, "", subject="light")
+    assert str(judged(uniform(min_over_mean=0.31), [even, more])) == (
+        "U0 0.31 (30 % off): the light misses what was asked for: uniformity 0.3 (at most 0.2), and 1 more"
     )
+    assert str(judged(uniform(), [light])).startswith("30 % off: the light misses")
     assert str(judged(picture(rel_l2_error=0.004), [light, file])) == (
         "5 +- 0.4 % off: the file, the part or a limit of making fails: c 0.73 mm (at most 0.5)"
     )

@@ -127,6 +127,8 @@ def test_sentences_name_units_and_boxes(metrics):
 def test_a_beam_that_fills_the_target_has_no_angle(metrics):
     found = metrics(CONE | {"target.half_width": [15.0, 15.0]})
     assert found["beam"]["beam_angle_c0"] is None
+    pixel = 30 / 101
+    assert found["beam"]["beam_angle_c0_at_least"] == pytest.approx(30 - pixel)  # between pixel centres
     assert "beam angle beyond the target" in photometric_lines(found, units_of("W"))[0]
 
 

@@ -311,8 +311,10 @@ def test_the_angles_of_a_beam_are_a_range_in_the_far_field(tmp_path, key):
     far = {"target.distance": math.inf, "target.half_width": [30.0, 30.0]}
     assert f"verify.{key} limits a beam in the far field" in refused(tmp_path, {f"verify.{key}": [9.0, 11.0]})
     turned = refused(tmp_path, far | {f"verify.{key}": [11.0, 9.0]})
-    assert turned.endswith(
-        f"verify.{key} must be [least, greatest] in degrees, such as [9, 11], got [11.0, 9.0]"
-    )
+    named = f"{tmp_path / 'problem.toml'}: verify.{key}"
+    allowed = f"{named} must be [least, greatest] in degrees with greatest > 0, such as [9, 11]"
+    assert turned == f"{allowed}, got [11.0, 9.0]"
+    nothing = refused(tmp_path, far | {f"verify.{key}": [0.0, 0.0]})
+    assert nothing == f"{allowed}, got [0.0, 0.0]"
     problem = load_values(tmp_path, SMALL | far | {f"verify.{key}": [9.0, math.inf]})
     assert getattr(problem.verify, key) == (9.0, math.inf)
