@@ -91,7 +91,7 @@ def test_a_list_of_a_file_is_read_and_one_key_of_it_changes(tmp_path):
         ([placed(0), placed(1, unit="lm")], "source.unit must be that of the first source"),
         ([placed(0, weight=0.0)], "source.weight is 0 of every source"),
         ([placed(0, weight=1e-300)], "must be 0 or at least 1e-12"),
-        ([placed(0), placed(1, file="x.ray")], "source.others[0].file has no effect with"),
+        ([placed(0), placed(1, file="x.ray")], "source[1].file has no effect with"),
         (
             {"kind": "collimated", "half_width": (9, 9), "tilt": (5, 0, 0), "divergence": 1.0},
             "along the axis only",
