@@ -95,9 +95,10 @@ def _error_line(system: OpticalSystem, expected: Expectation) -> str:
     start = f"the {'start' if expected.from_transport else 'map'}{whose} has {expected.start_rel_l2:.2g}"
     if system.target.settings.kind == "zones":
         return f"rel_l2: not predicted for zones, whose rows are what counts; {start}"
-    if expected.doubt:
+    cut = expected.sag > INSIDE * expected.freedom
+    if expected.doubt and not cut and system.target.receiver.across_axis:
         return f"rel_l2: not predicted, since {expected.doubt}"
-    if not expected.from_transport or expected.sag > INSIDE * expected.freedom:
+    if cut or not expected.from_transport:
         return f"rel_l2: not predicted, since the design does not start from the whole transport map; {start}"
     if expected.limit_costs:
         keys = " and ".join(f"limits.{cost.miss.key}" for cost in expected.limit_costs)

@@ -56,7 +56,8 @@ def foreseen_misses(
         )
     if expected.past:
         sentences.append(f"{MAY}: {expected.past}")
-    if expected.doubt and (expected.base_rel_l2 or 0.0) > PICTURE_REL_L2:
+    poor = bool(expected.doubt) and (expected.base_rel_l2 or 0.0) > PICTURE_REL_L2
+    if poor and not system.blurred:  # what is known of the start is its sharp light
         sentences.append(f"{MAY}: {expected.doubt}")
     sentences += _of_stops(system, expected)
     sentences += [f"{MAY}: {cost.sentence}" for cost in expected.limit_costs]
