@@ -18,7 +18,12 @@ from optics.scene.problem import Problem
 PROBLEM = EXAMPLES / "thesis" / "fixed_nets.toml"
 TARGETS = {
     "top hat": {},
-    "pearl": {"target.kind": "image", "target.image": str(EXAMPLES / "pearl.png"), "target.encoding": "srgb"},
+    "pearl": {
+        "target.kind": "image",
+        "target.image": str(EXAMPLES / "pearl.png"),
+        "target.encoding": "srgb",
+        "target.lit": [0.75, 0.75],  # of no effect, as left out
+    },
 }
 STEP, SMALL_STEP = 1e-3, 1e-4  # of Adam, in w
 CONTROL_NET = 50  # the smallest that the thesis calls irregular

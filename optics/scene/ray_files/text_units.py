@@ -32,7 +32,7 @@ NAMED = [
     for pattern in (
         rf"\b[xyz]\s*[\[(]\s*{WORD}\s*[\])]",  # x[mm], y (mm)
         rf"\b[xyz](?:_|\s*/\s*|\s+in\s+){WORD}\b",  # x_mm, x/mm, z in mm
-        r"\b(?:lengths?|positions?|coordinates?|units?)(?:\s+(?:of\s+length|are|is|in|units?)\b)*+\s*+"
+        r"\b(?:lengths?|positions?|coordinates?|units?)(?>(?:\s+(?:of\s+length|are|is|in|units?)\b)*)\s*+"
         rf"(?:[:=\[(]\s*+)?{WORD}\b",  # unit inch, lengths in cm, units: m
         r"(?<![0-9])(?<![0-9][ -])\b((?:milli|centi)met(?:er|re)s?|inch(?:es)?)\b",  # not: a lens of 1 inch
         r"[\[(]\s*(mm|cm|m|in)\s*[\])]",

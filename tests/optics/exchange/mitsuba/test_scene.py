@@ -32,14 +32,12 @@ title = "two beams"
 name = "near"
 kind = "collimated"
 half_width = [4.0, 6.0]
-distance = 5.0
 position = [-4, 1, -5]
 
 [[source]]
 name = "oblique"
 kind = "collimated"
 half_width = [3.0, 3.0]
-distance = 5.0
 position = [5, -4, -12]
 tilt = [3, -8, 0]
 weight = 0.5

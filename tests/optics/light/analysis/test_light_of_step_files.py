@@ -4,7 +4,7 @@ STEP files by OCCT: the same rays and corners of cells, laid on pixels alike."""
 import numpy as np
 import pytest
 
-from optics.light.analysis import closed_lens_light, light_of_cells, measure
+from optics.light.analysis import closed_lens_light, light_by_all_ways, light_of_cells, measure
 from optics.light.analysis.border_triangles import Borders
 from optics.light.analysis.light_of_cells import extrapolated, traced_cells
 from optics.light.tracing import (
@@ -130,6 +130,7 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
     of_rays = {"RAYS": RAYS, "REPLICATES": REPLICATES, "PILOT": REPLICATES, "trace_nonsequential": certain}
     for name, value in of_rays.items():
         monkeypatch.setattr(closed_lens_light, name, value)
+    monkeypatch.setattr(light_by_all_ways, "OTHER_REPLICATES", REPLICATES)
     monkeypatch.setattr(light_of_cells, "_cells", lambda *_: CELLS)
     monkeypatch.setattr(light_of_cells, "FINEST", Borders(2 * CELLS, 20))
     found = measure(system, lens, backend)

@@ -91,6 +91,17 @@ def solids(system, lens, folder):
     return [*placed, (Pose.tilted(target.position, target.tilt), plate)]
 
 
+def ends_of_light(receiver, landing, start):
+    """Return where rays end, (3, n): on the plane receiver, or far away where they go away from it.
+
+    start : where they set out, in the frame of the receiver's pose.
+    """
+    ends = np.array(np.broadcast_arrays(*receiver.points(landing.x.numpy(), landing.y.numpy())))
+    p, q = landing.p.numpy(), landing.q.numpy()
+    away = receiver.pose.directions((p, q, -np.sqrt(np.maximum(0, 1 - p * p - q * q))))
+    return np.where(landing.definite.numpy(), ends, start + 1e5 * np.array(away))
+
+
 def met_before(solid, starts, ends):
     """Return which segments, (3, n), meet a solid between their ends."""
     pose, shape = solid
@@ -112,10 +123,10 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
         hits, _, _ = free.at(k)
         points.append(surface.pose.points(np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])))
     landing, shaded = free.landed(), Tracer(backend, system.shaded_path(lens), rays).landed()
-    points.append(np.array(np.broadcast_arrays(*bare.receiver.points(landing.x.numpy(), landing.y.numpy()))))
+    points.append(ends_of_light(bare.receiver, landing, points[-1]))
     alive, total = np.ones(COUNT, dtype=bool), 0
     passages = [*((p.hit, q.blocked) for p, q in zip(landing.passages, shaded.passages))]
-    for k, (meets, taken) in enumerate([*passages, (landing.definite, shaded.blocked)]):
+    for k, (meets, taken) in enumerate([*passages, (landing.passages[-1].goes_on, shaded.blocked)]):
         found = alive & (np.zeros(COUNT, dtype=bool) if taken is False else taken.numpy())
         alive &= meets.numpy()
         wanted = np.zeros(COUNT, dtype=bool)
@@ -137,8 +148,8 @@ def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
     with backend.dr.suspend_grad():
         (hits,), landing = tracer.trace()
     start = np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])
-    end = system.target.receiver.points(landing.x.numpy(), landing.y.numpy())
-    way = back.points(np.array(np.broadcast_arrays(*end))) - start
+    end = ends_of_light(system.target.receiver, landing, system.pose.points(start))
+    way = back.points(end) - start
     length = np.linalg.norm(way, axis=0)
     write_step(lens, tmp_path / "lens.step")
     met = face_hits(read_step(tmp_path / "lens.step").shape, start.T, (way / length).T, after=1e-5).points.T
