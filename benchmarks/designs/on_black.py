@@ -30,9 +30,9 @@ SIZE, LEVEL = 256, 5
 HALF = (47.5, 47.5)  # mm, of the target: the picture is as large as the beam
 THICKNESS = 50.0  # mm: light of a dot is gathered from the whole beam, by a surface that bulges this much
 START, DESIGN = 0.3, 0.03  # wanted of each
-# designs on fewer pixels
+# designs on fewer pixels, refined as far as the program finds useful
 DESIGNED = "wide ring", "ring and triangle", "star", "one pixel of 10 000"
-SMALL_SIZE, SMALL_LEVEL = 128, 4
+SMALL_SIZE = 128
 
 
 def rows(quick: bool = False) -> list[Row]:
@@ -45,8 +45,11 @@ def rows(quick: bool = False) -> list[Row]:
         return out if quick else out + [_design(Path(folder), name) for name in DESIGNED]
 
 
-def problem_on_black(folder: Path, name: str, size: int, level: int) -> Problem:
-    """Return the problem of a lens with a picture of `size` pixels, whose base is left to the program."""
+def problem_on_black(folder: Path, name: str, size: int, level: int | str) -> Problem:
+    """Return the problem of a lens with a picture of `size` pixels, whose base is left to the program.
+
+    level : of the finest mesh.
+    """
     path = folder / f"{name}.png"
     Image.fromarray(np.uint8(np.round(255 * picture(name, size)))).save(path)
     problem = load_problem(PEARL)
@@ -80,6 +83,6 @@ def _start(folder: Path, name: str) -> Iterator[Row]:
 
 def _design(folder: Path, name: str) -> Row:
     path = folder / "problem.toml"
-    path.write_text(problem_to_toml(problem_on_black(folder, name, SMALL_SIZE, SMALL_LEVEL)), "utf-8")
+    path.write_text(problem_to_toml(problem_on_black(folder, name, SMALL_SIZE, AUTO)), "utf-8")
     metrics = run_design(path, folder / "result", must_pass=False).metrics
     return rel_l2_row(f"{name}: rel_l2 of the design, {SMALL_SIZE} pixels", metrics, limit=DESIGN)
