@@ -12,11 +12,10 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from optics.light.tracing import FATES
 from thbcad.cad.exchange import read_step
+from thbcad.cad.occt_names import ShapeNumbers, as_face
 
 # of fates, by the face that light left last; else "edges_"
 PREFIX = {"front": "front_", "rear": "", "neighbour": "neighbours_"}
@@ -31,10 +30,10 @@ class FileFaces:
     def __init__(self, path):
         solid = read_step(path)
         self._names = [OTHER_LENS.sub("neighbour", name).split(" ")[0] for name in solid.face_names]
-        self._numbers, self._intersector = TopTools_IndexedMapOfShape(), IntCurvesFace_ShapeIntersector()
+        self._numbers, self._intersector = ShapeNumbers(), IntCurvesFace_ShapeIntersector()
         TopExp.MapShapes_s(solid.shape, TopAbs_FACE, self._numbers)
         keys = map(self._numbers.FindKey, range(1, self._numbers.Extent() + 1))
-        self._surfaces = [BRep_Tool.Surface_s(TopoDS.Face_s(key)) for key in keys]
+        self._surfaces = [BRep_Tool.Surface_s(as_face(key)) for key in keys]
         self._intersector.Load(solid.shape, 1e-7)
 
     def meet(self, origins, directions):

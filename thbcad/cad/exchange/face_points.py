@@ -12,11 +12,11 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.occt_texts import silence
 from thbcad.cad.exchange.reading import faces_of, step_shape
+from thbcad.cad.occt_names import ShapeNumbers, as_face
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
@@ -103,7 +103,7 @@ def face_hits(
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
         raise ValueError("origins and directions must be finite, directions not zero")
     shape = solid if isinstance(solid, TopoDS_Shape) else step_solid(solid)
-    numbers = TopTools_IndexedMapOfShape()
+    numbers = ShapeNumbers()
     TopExp.MapShapes_s(shape, TopAbs_FACE, numbers)
     intersector = IntCurvesFace_ShapeIntersector()
     intersector.Load(shape, TOLERANCE)
@@ -123,6 +123,6 @@ def point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Flo
     """Return a point of the surface under a face, mm, and its outward normal there, of any length, (3,)
     each."""
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
-    BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
+    BRep_Tool.Surface_s(as_face(face)).D1(u, v, point, along_u, along_v)
     outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
     return np.array(point.Coord()), outward * np.array(along_u.Crossed(along_v).Coord())
