@@ -176,8 +176,8 @@ FIGHT = (
         (
             {NOVTK: "8.1.0.0"},
             (),
-            "cadquery-ocp-novtk 8.1.0.0 is installed, and thbcad was tested with versions from 7.8.1 to below "
-            '8.1; pip install "cadquery-ocp-novtk>=7.8.1,<8.1"',
+            "cadquery-ocp-novtk 8.1.0.0 is installed, and thbcad was tested with versions from 7.8.1 to "
+            'below 8.1; pip install "cadquery-ocp-novtk>=7.8.1,<8.1"',
         ),
     ],
 )

@@ -183,8 +183,8 @@ def require_one_occt() -> None:
     for package, number in found.items():
         if not _release(OLDEST) <= _release(number) < _release(TOO_NEW):
             raise MissingPackage(
-                f"{package} {number} is installed, and thbcad was tested with versions from {OLDEST} to below "
-                f'{TOO_NEW}; pip install "{package}>={OLDEST},<{TOO_NEW}"',
+                f"{package} {number} is installed, and thbcad was tested with versions from {OLDEST} to "
+                f'below {TOO_NEW}; pip install "{package}>={OLDEST},<{TOO_NEW}"',
                 name="OCP",
             )
 
