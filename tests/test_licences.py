@@ -68,6 +68,10 @@ def test_packages_that_do_not_suit_are_named_unless_there_is_a_reason():
     assert table(packages)[1] == ["silent 1.0: not stated", "strict 1.0: GPL-3.0-or-later"]
 
 
+# with cadquery, which has an environment of its own, and on Linux on aarch64
+ELSEWHERE = {"cadquery", "casadi", "nlopt", "py-lib3mf"}
+
+
 def test_the_page_of_licences_names_what_the_extras_install_by_the_kind_of_its_licence():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     lists = [project["dependencies"]]
@@ -77,5 +81,7 @@ def test_the_page_of_licences_names_what_the_extras_install_by_the_kind_of_its_l
     named = dict(re.findall(r"^\| ([\w-]+) \| (.*[A-Z].*) \|$", text, re.MULTILINE))
     assert wanted - {"thbcad"} <= set(named)
     for package, licence in named.items():
+        if package in ELSEWHERE:
+            continue
         stated = STATED.get(package, (stated_licence(distribution(package)), ""))[0]
         assert kind_of(licence.replace(", with", " AND")) == kind_of(stated), package

@@ -53,7 +53,7 @@ PLATFORMS = (("Linux", "x86_64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
 WHEELS = {
     "drjit": (*PLATFORMS, ("Linux", "aarch64")),
     "OCP": (*PLATFORMS, ("Linux", "aarch64"), ("Darwin", "x86_64")),
-    "lib3mf": (*PLATFORMS, ("Darwin", "x86_64")),
+    "lib3mf": (*PLATFORMS, ("Linux", "aarch64"), ("Darwin", "x86_64")),
 }
 
 
