@@ -14,13 +14,13 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
 
 from optics.light.tracing import FATES
-from thbcad.cad.exchange import read_step
+from thbcad.cad.exchange import first_hit, read_step
 from thbcad.cad.occt_names import ShapeNumbers, as_face
 
 # of fates, by the face that light left last; else "edges_"
 PREFIX = {"front": "front_", "rear": "", "neighbour": "neighbours_"}
 OTHER_LENS = re.compile(r"^(front|rear) \d+$")  # of a plate
-LEAVES, FARTHEST = 1e-6, 1e9  # mm along a ray: it leaves its own face, and so far others are looked for
+LEAVES = 1e-6  # mm along a ray, where it has left its own face
 NEWTON = 3  # steps after OCCT's search, which meets splines within 1e-9 mm
 
 
@@ -43,13 +43,12 @@ class FileFaces:
         names, search = np.full(len(origins), "", dtype="<U9"), self._intersector
         met, surfaces, places = [], [], []
         for k, (o, d) in enumerate(zip(origins.tolist(), directions.tolist())):
-            search.PerformNearest(gp_Lin(gp_Pnt(*o), gp_Dir(*d)), LEAVES, FARTHEST)
-            if search.NbPnt():
-                number = self._numbers.FindIndex(search.Face(1)) - 1
+            if first := first_hit(search, gp_Lin(gp_Pnt(*o), gp_Dir(*d)), LEAVES):
+                number = self._numbers.FindIndex(search.Face(first)) - 1
                 names[k] = self._names[number]
                 met.append(k)
                 surfaces.append(self._surfaces[number])
-                places.append([search.UParameter(1), search.VParameter(1), search.WParameter(1)])
+                places.append([search.UParameter(first), search.VParameter(first), search.WParameter(first)])
         if met:
             o, d, place = origins[met], directions[met], np.array(places)
             for _ in range(NEWTON):  # S(u, v) = o + t d

@@ -59,6 +59,12 @@ def main(names: list[str]) -> int:
     return int(failed)
 
 
+def pins_without_cad() -> str:
+    """Return constraints.txt without the CAD tools and OCP, whose versions differ between environments."""
+    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    return "\n".join(line for line in lines if not FREE.match(line))
+
+
 def _checked(name: str) -> tuple[list[str], bool]:
     """Return what the table says of an environment: OCP's version, the design, the tests; and if all work."""
     folder = FOLDER / name
@@ -66,8 +72,7 @@ def _checked(name: str) -> tuple[list[str], bool]:
     python = str(folder / "bin" / "python")
     pins = FOLDER / "constraints.txt"
     FOLDER.mkdir(parents=True, exist_ok=True)
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    pins.write_text("\n".join(line for line in lines if not FREE.match(line)), "utf-8")
+    pins.write_text(pins_without_cad(), "utf-8")
     extras, packages = ENVIRONMENTS[name]
     wanted = ["-e", f"{ROOT}[{extras}]", *packages, "pytest", "pytest-xdist", "hypothesis"]
     for command in (

@@ -4,7 +4,7 @@ Since 8.0 all collections lie in `OCP.collections`, the functions that cast a sh
 their `_s`, and the limits of a box come one by one.  Everything else is imported from `OCP` where it is used.
 """
 
-from OCP.Bnd import Bnd_Box2d
+from OCP.Bnd import Bnd_Box, Bnd_Box2d
 from OCP.TopoDS import TopoDS
 
 try:
@@ -49,9 +49,9 @@ as_edge, as_face, as_shell, as_solid, as_vertex = (
 )
 
 
-def box_limits(box: Bnd_Box2d) -> tuple[float, float, float, float]:
-    """Return the least u and v and the greatest u and v of a box, its gap included."""
-    if hasattr(box, "GetXMin"):
-        return box.GetXMin(), box.GetYMin(), box.GetXMax(), box.GetYMax()
-    limits: tuple[float, float, float, float] = box.Get()
-    return limits
+def box_limits(box: Bnd_Box | Bnd_Box2d) -> tuple[float, ...]:
+    """Return the least and the greatest coordinates of a box, its gap included."""
+    if not hasattr(box, "GetXMin"):
+        return tuple(box.Get())
+    axes = "XYZ" if isinstance(box, Bnd_Box) else "XY"
+    return tuple(getattr(box, f"Get{axis}{end}")() for end in ("Min", "Max") for axis in axes)

@@ -22,6 +22,7 @@ from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
 
 FARTHEST = 1e9  # mm along a ray
+NEARER = 1.1  # times where a search begins: what OCCT finds before that is the face of the start
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +111,26 @@ def face_hits(
     points, normals = (np.full(origins.shape, np.nan) for _ in range(2))
     faces = np.full(len(origins), -1)
     for k, (origin, direction) in enumerate(zip(origins.tolist(), directions.tolist())):
-        intersector.PerformNearest(gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after, FARTHEST)
-        if intersector.NbPnt():
-            face = intersector.Face(1)
+        if first := first_hit(intersector, gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after):
+            face = intersector.Face(first)
             faces[k] = numbers.FindIndex(face) - 1
-            points[k] = intersector.Pnt(1).Coord()
-            normals[k] = point_and_normal(face, intersector.UParameter(1), intersector.VParameter(1))[1]
+            points[k] = intersector.Pnt(first).Coord()
+            u, v = intersector.UParameter(first), intersector.VParameter(first)
+            normals[k] = point_and_normal(face, u, v)[1]
     return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
+
+
+def first_hit(intersector: IntCurvesFace_ShapeIntersector, line: gp_Lin, after: float) -> int:
+    """Return the number of a line's first meeting with faces farther than `after`, mm; 0 for none.
+
+    Since version 8.0 OCCT finds a face just before `after` there, too.
+    """
+    intersector.PerformNearest(line, after, FARTHEST)
+    if not intersector.NbPnt() or intersector.WParameter(1) > NEARER * after:
+        return int(intersector.NbPnt() > 0)
+    intersector.Perform(line, after, FARTHEST)
+    lengths = [(intersector.WParameter(k), k) for k in range(1, intersector.NbPnt() + 1)]
+    return min((found for found in lengths if found[0] > NEARER * after), default=(0.0, 0))[1]
 
 
 def point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:

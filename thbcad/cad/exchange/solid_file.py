@@ -23,7 +23,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.reading import explore, faces_of
-from thbcad.cad.occt_names import ShapeOwners, as_edge, as_shell, as_vertex
+from thbcad.cad.occt_names import ShapeOwners, as_edge, as_shell, as_vertex, box_limits
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.lens import OpticalForm, optical_places
@@ -192,7 +192,7 @@ class SolidState:
         """The box of the shape by OCCT, (x, y, z, x, y, z) in mm: that of the poles, not the least one."""
         box = Bnd_Box()
         BRepBndLib.Add_s(self.shape, box, False)
-        return box.Get()
+        return box_limits(box)
 
     @cached_property
     def area(self) -> float:

@@ -60,4 +60,4 @@ def assert_covers(face, surface):
 
 def missing(library):
     """Return the pattern of the message about a library that cannot be imported."""
-    return rf'^{library} cannot be imported \(.*\); pip install "thbcad\[cad\]"$'
+    return rf'^{library} cannot be imported \(.*\); pip install "thbcad\[{library}\]"$'
