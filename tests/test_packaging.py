@@ -24,7 +24,7 @@ from thbcad.doors import EXTRAS
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 FIRST_BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
-OTHER_EXTRAS = ("all", "docs", "peers", "test")  # of no door
+OTHER_EXTRAS = ("all", "docs", "light", "peers", "test")  # of no door
 SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
     "asbuilt": ["result", "--measured", "points.xyz"],
