@@ -9,6 +9,7 @@
 # make docs   sets everything up and builds the documentation site into build/site; it needs no network
 # make dist   sets everything up, builds sdist and wheel into dist, and checks their metadata
 # make licences  sets everything up and prints the licence of every package in .venv; fails at one that does not suit
+# make environments  tests thbcad beside each CAD tool and OCP, from 7.8 to 8.0, in environments of their own
 # make gallery  designs all examples, an hour or so, and writes docs/gallery.md with its pictures
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
 
@@ -18,7 +19,7 @@ export PYTHON
 # fifth of the time of the tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick slow all coverage lint docs dist licences gallery setup clean
+.PHONY: demo test quick slow all coverage lint docs dist licences environments gallery setup clean
 
 demo:
 	@echo "This sets up Python packages in .venv, then shapes a lens that casts 'Girl with a Pearl Earring' and writes it to exports/pearl/."
@@ -162,6 +163,9 @@ dist: setup
 
 licences: setup
 	@.venv/bin/python scripts/licences.py
+
+environments: setup
+	@.venv/bin/python scripts/environments.py
 
 # Store the rows only on a quiet machine: they are the times of the page.
 gallery: setup

@@ -16,12 +16,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.checkout import EXAMPLES, ROOT
 from benchmarks.rows.row import Row
 from optics.base.runtime import UserError
+from scripts.environments import pins_without_cad
 from thbcad.doors import EXTRAS, LIBRARIES
 
 MB = 1e6
@@ -81,18 +81,14 @@ def rows() -> list[Row]:
 
 
 def _extras(folder: Path, wheel: Path) -> list[Row]:
-    _download(folder / "wheels", f"{wheel}[all]")
-    lean = f"cadquery-ocp-novtk=={version('cadquery-ocp')}"
-    _download(folder / "wheels", lean)
-    environments = [(extra, extra, packages, "") for extra, packages in EXTRAS.items()]
-    environments += [("optics, without VTK", "optics", EXTRAS["optics"], lean), ("all", "all", (), "")]
+    wheels = {extra: folder / "wheels" for extra in (*EXTRAS, "all")} | {"cadquery": folder / "of_cadquery"}
+    for extra in ("all", "cadquery"):  # which need different versions of OCP
+        _download(wheels[extra], f"{wheel}[{extra}]")
     found, sizes = [], {}
-    for title, extra, packages, instead in environments:
-        sizes[title] = _sizes(folder / "v", f"{wheel}[{extra}]", folder / "wheels", packages, instead)
+    for extra, files in wheels.items():
+        sizes[extra] = _sizes(folder / "v", f"{wheel}[{extra}]", files, EXTRAS.get(extra, ()))
     for extra, installed in sizes.items():
-        files = [
-            path for path in (folder / "wheels").iterdir() if _named(path.name.split("-")[0]) in installed
-        ]
+        files = [path for path in wheels[extra].iterdir() if _named(path.name.split("-")[0]) in installed]
         found.append(Row(f"thbcad[{extra}]: download", sum(path.stat().st_size for path in files) / MB, "MB"))
         found.append(Row("  installed", sum(installed.values()), "MB"))
     for package, size in sorted(sizes["all"].items(), key=lambda item: -item[1]):
@@ -104,20 +100,11 @@ def _extras(folder: Path, wheel: Path) -> list[Row]:
     return found
 
 
-def _sizes(
-    venv: Path, wanted: str, wheels: Path, packages: tuple[str, ...], instead: str
-) -> dict[str, float]:
-    """Install in an environment of its own, import the packages, and return MB of each distribution.
-
-    instead : what takes the place of OpenCASCADE with VTK, if anything.
-    """
+def _sizes(venv: Path, wanted: str, wheels: Path, packages: tuple[str, ...]) -> dict[str, float]:
+    """Install in an environment of its own, import the packages, and return MB of each distribution."""
     _run([sys.executable, "-m", "venv", str(venv)])
     python = str(venv / "bin" / "python")
-    install = [python, "-m", "pip", "install", "-q", "--no-index", "--find-links", str(wheels)]
-    _run([*install, wanted])
-    if instead:
-        _run([python, "-m", "pip", "uninstall", "-q", "-y", "cadquery-ocp", "cadquery-vtk", "vtk"])
-        _run([*install, instead])
+    _run([python, "-m", "pip", "install", "-q", "--no-index", "--find-links", str(wheels), wanted])
     sizes = json.loads(_run([python, "-c", SIZES, *packages]))
     shutil.rmtree(venv)
     return {_named(name): size for name, size in sizes.items() if name != "setuptools"}
@@ -173,7 +160,10 @@ def _design(root: Path, title: str, commands: list[str]) -> list[Row]:
 def _download(into: Path, *wanted: str, running: str = "") -> None:
     """Put the wheels of packages into a folder; running : another version of Python that they are for."""
     other = ("--python-version", running, "--only-binary", ":all:") if running else ()
-    constraints = ("-c", str(ROOT / "constraints.txt"))
+    into.mkdir(exist_ok=True)
+    pins = into / "constraints.txt"
+    pins.write_text(pins_without_cad(), "utf-8")
+    constraints = ("-c", str(pins))
     _run([sys.executable, "-m", "pip", "download", "-q", *constraints, *other, "-d", str(into), *wanted])
 
 

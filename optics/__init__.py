@@ -7,9 +7,7 @@
 Names are loaded when they are first used: ``import optics`` itself loads nothing heavy.
 """
 
-__import__("optics.early_stop")  # first of all: Ctrl-C among the next imports would print a traceback
-
-from thbcad.doors import TYPE_CHECKING, lazy_door  # noqa: E402
+from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .base.optimisers import (

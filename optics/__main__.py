@@ -1,4 +1,4 @@
-"""`python -m optics` and the installed command: Ctrl-C ends it with one line, whenever it comes."""
+"""`python -m optics`, which is the command `thbcad`: Ctrl-C ends it with one line, whenever it comes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import signal
 import sys
 from io import TextIOWrapper
 
-from optics.early_stop import end_at_signals, ended
+from thbcad.early_stop import end_at_signals, ended
 
 
 def entry() -> None:

@@ -12,16 +12,15 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from optics.light.tracing import FATES
-from thbcad.cad.exchange import read_step
+from thbcad.cad.exchange import first_hit, read_step
+from thbcad.cad.occt_names import ShapeNumbers, as_face
 
 # of fates, by the face that light left last; else "edges_"
 PREFIX = {"front": "front_", "rear": "", "neighbour": "neighbours_"}
 OTHER_LENS = re.compile(r"^(front|rear) \d+$")  # of a plate
-LEAVES, FARTHEST = 1e-6, 1e9  # mm along a ray: it leaves its own face, and so far others are looked for
+LEAVES = 1e-6  # mm along a ray, where it has left its own face
 NEWTON = 3  # steps after OCCT's search, which meets splines within 1e-9 mm
 
 
@@ -31,10 +30,10 @@ class FileFaces:
     def __init__(self, path):
         solid = read_step(path)
         self._names = [OTHER_LENS.sub("neighbour", name).split(" ")[0] for name in solid.face_names]
-        self._numbers, self._intersector = TopTools_IndexedMapOfShape(), IntCurvesFace_ShapeIntersector()
+        self._numbers, self._intersector = ShapeNumbers(), IntCurvesFace_ShapeIntersector()
         TopExp.MapShapes_s(solid.shape, TopAbs_FACE, self._numbers)
         keys = map(self._numbers.FindKey, range(1, self._numbers.Extent() + 1))
-        self._surfaces = [BRep_Tool.Surface_s(TopoDS.Face_s(key)) for key in keys]
+        self._surfaces = [BRep_Tool.Surface_s(as_face(key)) for key in keys]
         self._intersector.Load(solid.shape, 1e-7)
 
     def meet(self, origins, directions):
@@ -44,13 +43,12 @@ class FileFaces:
         names, search = np.full(len(origins), "", dtype="<U9"), self._intersector
         met, surfaces, places = [], [], []
         for k, (o, d) in enumerate(zip(origins.tolist(), directions.tolist())):
-            search.PerformNearest(gp_Lin(gp_Pnt(*o), gp_Dir(*d)), LEAVES, FARTHEST)
-            if search.NbPnt():
-                number = self._numbers.FindIndex(search.Face(1)) - 1
+            if first := first_hit(search, gp_Lin(gp_Pnt(*o), gp_Dir(*d)), LEAVES):
+                number = self._numbers.FindIndex(search.Face(first)) - 1
                 names[k] = self._names[number]
                 met.append(k)
                 surfaces.append(self._surfaces[number])
-                places.append([search.UParameter(1), search.VParameter(1), search.WParameter(1)])
+                places.append([search.UParameter(first), search.VParameter(first), search.WParameter(first)])
         if met:
             o, d, place = origins[met], directions[met], np.array(places)
             for _ in range(NEWTON):  # S(u, v) = o + t d

@@ -21,11 +21,11 @@ WEAK = re.compile(r"LGPL|Lesser General Public|MPL|Mozilla Public")
 STRONG = re.compile(r"\bA?GPL|General Public")
 # name: (licence, why it is written here); such a licence takes the place of that of the metadata
 STATED = {
-    "cadquery-ocp": (
+    "bd_materials": ("Apache-2.0", "no metadata; the wheel holds the text"),
+    "cadquery-ocp-novtk": (
         "Apache-2.0 AND LGPL-2.1-only WITH OCCT-exception-1.0",
-        "no metadata; bindings of OpenCASCADE",
+        "the metadata name the licence of the bindings only, not that of OpenCASCADE",
     ),
-    "nlopt": ("MIT AND LGPL-2.1-or-later", "the metadata name the licence of the wrapper only"),
     "ocpsvg": ("Apache-2.0", "no metadata; the wheel holds the text"),
 }
 # name: why it may be here although its licence does not suit

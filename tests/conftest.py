@@ -1,4 +1,5 @@
 """One thread for all that computes, two hypothesis profiles, a rare search for garbage, and narrow kernels.
+Test files whose library is missing are left out.
 
 The tests run side by side, and so do the programs that they start.  Hypothesis tries the same examples on
 every run, and without a time limit: the machine may be busy.  `make slow` tries more of them.
@@ -16,6 +17,7 @@ from hypothesis import settings
 
 from optics.base.runtime import load_backend, load_llvm
 from tests.cases import ROOT
+from tests.missing_libraries import left_out, sentences
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -54,6 +56,17 @@ def pytest_configure():
     """
     load_llvm()
     os.fsync = lambda _: None
+
+
+def pytest_ignore_collect(collection_path):
+    """Leave out test files that need build123d or cadquery where that is missing, unless named one by one."""
+    return left_out(collection_path) or None
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Report how many files were left out; with -q, pytest shows no header where this could be."""
+    for sentence in sentences(config.invocation_params.dir / arg for arg in config.args):
+        terminalreporter.write_line(sentence)
 
 
 @pytest.hookimpl(tryfirst=True)

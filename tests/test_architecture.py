@@ -42,14 +42,15 @@ WINGS = {
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
 FLOORS = [
-    ["thbcad.doors", "thbcad.checks", "thbcad.files", "thbcad.texts", "thbcad.values"],
+    ["thbcad.doors", "thbcad.checks", "thbcad.early_stop", "thbcad.files", "thbcad.texts", "thbcad.values"],
     ["thbcad.pictures", "thbcad.poses", "thbcad.splines", "thbcad.toml"],
     ["thbcad.hierarchy", "thbcad.outlines", "thbcad.sags"],
     ["thbcad.surfaces"],
     ["thbcad.certified"],
     ["thbcad.fitting", "thbcad.lens"],
     ["thbcad.io", "thbcad.moulds", "thbcad.mounts", "thbcad.tools"],
-    ["thbcad.drawings", "thbcad.cad.shapes"],
+    ["thbcad.drawings", "thbcad.cad.occt_names"],
+    ["thbcad.cad.shapes"],
     ["thbcad.cad.exchange"],
     ["thbcad.meshes", "thbcad.cad.parts", "thbcad.cad.foreign"],
     ["thbcad.cad"],
@@ -66,13 +67,17 @@ FLOORS = [
     ["benchmarks", "tests"],
 ]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
-# `thbcad bench` is a thin door to the benchmarks of a checkout
-UPWARD = {("optics.interface.commands.bench_command", "benchmarks.rows.bench_run")}
+# `thbcad bench` is a thin door to the benchmarks of a checkout; the command begins in `thbcad`, which another
+# package cannot overwrite
+UPWARD = {
+    ("optics.interface.commands.bench_command", "benchmarks.rows.bench_run"),
+    ("thbcad.__main__", "optics.__main__"),
+}
 # rooms of one file, which is its own door
 SINGLE_FILES = {
-    f"thbcad.{file}" for file in ("checks", "doors", "files", "pictures", "poses", "texts", "toml", "values")
-}
-SINGLE_FILES |= {"optics.early_stop"}
+    f"thbcad.{file}"
+    for file in ("checks", "doors", "early_stop", "files", "pictures", "poses", "texts", "toml", "values")
+} | {"thbcad.cad.occt_names"}
 MOST_FILES = 13  # of a room, besides its door
 
 

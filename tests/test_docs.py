@@ -5,8 +5,6 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
-from contextlib import redirect_stdout
-from io import StringIO
 
 import pytest
 
@@ -15,6 +13,7 @@ from benchmarks.rows.quoted_numbers import marked_numbers, quoted_rows, without_
 from benchmarks.rows.stored_rows import read_rows
 from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, ROOT
+from tests.page_blocks import blocks, of_cadquery, unannounced
 
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
@@ -28,7 +27,6 @@ QUOTING = [
 ]
 STORED = read_rows(ROOT / "docs" / "data")
 KERNEL = ("README", "bsplines", "thb", "nurbs", "fitting", "sags", "conversion", "bounds")  # without optics
-BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 CODE = re.compile(r"^```.*?^```|`[^`]*`", re.DOTALL | re.MULTILINE)
 TIME = re.compile(
@@ -48,37 +46,22 @@ NO_MEASUREMENTS = {
 }
 
 
-def plain(text):
-    """Return the words of a text with single blanks between them."""
-    return " ".join(text.split())
-
-
-def comments(code):
-    """Return what stands behind the hash signs of a block."""
-    return plain(" ".join(line.partition("#")[2] for line in code.splitlines()))
-
-
 @pytest.mark.every(3)
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if BLOCK.search(page.read_text("utf-8"))], ids=lambda page: page.name
-)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.name)
 def test_blocks_print_what_their_comments_say(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(EXAMPLES)
     names = {}
-    for code in BLOCK.findall(page.read_text("utf-8")):
-        out = StringIO()
-        with redirect_stdout(out):
-            exec(compile(code, page.name, "exec"), names)
-        for line in out.getvalue().splitlines():
-            assert plain(line) in comments(code)
+    for block in blocks(page):
+        if not of_cadquery(block):
+            assert unannounced(block, names) == []
 
 
 @pytest.mark.slow
 def test_blocks_of_the_kernel_pass_strict_type_checks(tmp_path):
     """All but the types of functions that the blocks define themselves; thbcad as it is when installed."""
     for name in KERNEL:
-        code = "\n".join(BLOCK.findall((ROOT / "docs" / f"{name}.md").read_text("utf-8")))
+        code = "\n".join(blocks(ROOT / "docs" / f"{name}.md"))
         (tmp_path / f"{name}.py").write_text(code, "utf-8")
     options = ["--strict", "--allow-untyped-defs", "--allow-untyped-calls", "--follow-imports=silent"]
     done = subprocess.run(

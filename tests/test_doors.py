@@ -2,15 +2,20 @@
 
 import ast
 import importlib
+import os
 import re
+import shutil
+import subprocess
+import sys
 from collections import defaultdict
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
 
 import thbcad
 from tests.source_tree import FILES, MODULES, ROOT, calls, door_table, module_of, name, tree
-from thbcad.doors import WHEELS, MissingPackage, loaded, not_installed, stand_in
+from thbcad.doors import WHEELS, MissingPackage, loaded, not_installed, require_one_occt, stand_in
 
 PAGE_IMPORT = re.compile(r"^from ((?:thbcad|optics)\.[\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
 DOORS = [p for p in FILES if door_table(p)]
@@ -110,7 +115,7 @@ def test_a_stand_in_is_what_it_stands_for_once_that_can_be_imported():
         ("Windows", "AMD64", []),
         ("Darwin", "arm64", []),
         ("Darwin", "x86_64", ["drjit"]),
-        ("Linux", "aarch64", ["OCP", "lib3mf"]),
+        ("Linux", "aarch64", []),
         ("Windows", "ARM64", ["drjit", "OCP", "lib3mf"]),
     ],
 )
@@ -144,3 +149,83 @@ def test_shared_libraries_that_are_missing_are_named_with_their_packages(monkeyp
     monkeypatch.setattr("thbcad.doors.LIBRARIES", {"libc.so.6": "libc6"})
     with pytest.raises(NameError):
         loaded("drjit")
+
+
+NOVTK, VTK = "cadquery-ocp-novtk", "cadquery-ocp"
+FIGHT = (
+    "cadquery-ocp-novtk 8.0.1.1.0 and cadquery-ocp 7.9.3.1.1 share the folder OCP, where one overwrites the "
+    "other; pip uninstall -y cadquery-ocp-novtk cadquery-ocp, then pip install "
+)
+
+
+@pytest.mark.parametrize(
+    ("installed", "libraries", "sentence"),
+    [
+        ({}, (), ""),  # the import itself tells
+        ({NOVTK: "7.8.1.1.post1"}, (), ""),
+        ({NOVTK: "8.0.1.1.0"}, ("build123d",), ""),
+        ({NOVTK: "7.9.3.1.1", VTK: "7.9.3.1.1"}, ("build123d", "cadquery"), ""),  # the same files
+        ({NOVTK: "8.0.1.1.0", VTK: "7.9.3.1.1"}, (), f"{FIGHT}cadquery-ocp-novtk==8.0.1.1.0"),
+        ({NOVTK: "8.0.1.1.0", VTK: "7.9.3.1.1"}, ("cadquery",), f"{FIGHT}cadquery-ocp==7.9.3.1.1"),
+        (
+            {VTK: "7.7.2"},
+            ("cadquery",),
+            "cadquery-ocp 7.7.2 is installed, and thbcad was tested with versions from 7.8.1 to below 8.1; "
+            'pip install "cadquery-ocp>=7.8.1,<8.1"',
+        ),
+        (
+            {NOVTK: "8.1.0.0"},
+            (),
+            "cadquery-ocp-novtk 8.1.0.0 is installed, and thbcad was tested with versions from 7.8.1 to "
+            'below 8.1; pip install "cadquery-ocp-novtk>=7.8.1,<8.1"',
+        ),
+    ],
+)
+def test_packages_of_opencascade_that_fight_are_named_with_the_remedy(
+    installed, libraries, sentence, monkeypatch
+):
+    def version(package):
+        if package not in installed:
+            raise PackageNotFoundError(package)
+        return installed[package]
+
+    monkeypatch.setattr("importlib.metadata.version", version)
+    monkeypatch.setattr("thbcad.doors.find_spec", lambda package: package if package in libraries else None)
+    if not sentence:
+        require_one_occt()
+        return
+    with pytest.raises(MissingPackage) as told:
+        require_one_occt()
+    assert str(told.value) == sentence
+
+
+FOREIGN = {
+    "before ours": "{found} is another package optics and hides that of thbcad; rename it, or run thbcad "
+    "where Python does not look for it",
+    "over ours": "the package optics of PyPI has overwritten that of thbcad in {found}; pip uninstall -y "
+    "optics, then pip install --force-reinstall --no-deps thbcad",
+    "gone": "its package optics is missing; pip install --force-reinstall --no-deps thbcad",
+}
+
+
+@pytest.mark.parametrize("case", FOREIGN)
+def test_another_package_optics_is_named(case, tmp_path):
+    """A copy of what the command needs, beside it a package as PyPI has one."""
+    (tmp_path / "thbcad").mkdir()
+    for file in ("__init__.py", "__main__.py", "doors.py", "early_stop.py"):
+        shutil.copy(ROOT / "thbcad" / file, tmp_path / "thbcad")
+    folders = {"before ours": [tmp_path / "first" / "optics", tmp_path / "optics"], "gone": []}
+    for folder in folders.get(case, [tmp_path / "optics"]):
+        folder.mkdir(parents=True)
+        (folder / "__init__.py").write_text("from optics.optics import *\n")
+    path = os.pathsep.join(map(str, (tmp_path / "first", tmp_path)))
+    done = subprocess.run(
+        [sys.executable, "-S", "-m", "thbcad", "check", "lens.toml"],
+        env=os.environ | {"PYTHONPATH": path},
+        cwd=tmp_path / "thbcad",
+        capture_output=True,
+        text=True,
+    )
+    found = tmp_path / ("first/optics" if case == "before ours" else "optics")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"thbcad: {FOREIGN[case].format(found=found)}\n"

@@ -68,6 +68,10 @@ def test_packages_that_do_not_suit_are_named_unless_there_is_a_reason():
     assert table(packages)[1] == ["silent 1.0: not stated", "strict 1.0: GPL-3.0-or-later"]
 
 
+# with cadquery, which has an environment of its own, and on Linux on aarch64
+ELSEWHERE = {"cadquery", "casadi", "nlopt", "py-lib3mf"}
+
+
 def test_the_page_of_licences_names_what_the_extras_install_by_the_kind_of_its_licence():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     lists = [project["dependencies"]]
@@ -76,6 +80,9 @@ def test_the_page_of_licences_names_what_the_extras_install_by_the_kind_of_its_l
     text = (ROOT / "LICENSES.md").read_text("utf-8").partition("## Installed by the extras")[2]
     named = dict(re.findall(r"^\| ([\w-]+) \| (.*[A-Z].*) \|$", text, re.MULTILINE))
     assert wanted - {"thbcad"} <= set(named)
+    installed = {package.name for package in distributions()}
     for package, licence in named.items():
-        stated = STATED.get(package, (stated_licence(distribution(package)), ""))[0]
+        if package in ELSEWHERE - installed:
+            continue
+        stated = STATED[package][0] if package in STATED else stated_licence(distribution(package))
         assert kind_of(licence.replace(", with", " AND")) == kind_of(stated), package

@@ -3,7 +3,9 @@
 Names are loaded when first used: ``import thbcad`` itself loads nothing heavy.
 """
 
-from thbcad.doors import TYPE_CHECKING, lazy_door
+__import__("thbcad.early_stop")  # first of all: Ctrl-C among the next imports would print a traceback
+
+from thbcad.doors import TYPE_CHECKING, lazy_door  # noqa: E402
 
 __version__ = "0.3.0"
 

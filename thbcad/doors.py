@@ -10,6 +10,7 @@ import platform
 import re
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -19,9 +20,10 @@ from typing import TYPE_CHECKING as TYPE_CHECKING, Any
 
 IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)$", re.MULTILINE)
 WORD = re.compile(r"\w+")
+RELEASE = re.compile(r"(?<![a-z\d])\d+")
 # extra of pyproject.toml: packages that it brings; the first extra that has a package is the one to name
 EXTRAS = {
-    "cad": ("OCP", "build123d", "cadquery", "ezdxf", "trimesh"),
+    "cad": ("OCP", "ezdxf", "trimesh"),
     "optics": (
         *("OCP", "drjit", "filelock", "lib3mf", "matplotlib", "photompy"),
         *("PIL", "psutil", "shtab", "skimage", "threadpoolctl", "tqdm", "trimesh"),
@@ -32,7 +34,12 @@ EXTRAS = {
     "metrology": ("h5py", "x3pio"),
     "cluster": ("dask", "distributed", "pyarrow"),
     "notebook": ("ipywidgets",),
+    "build123d": ("build123d",),
+    "cadquery": ("cadquery",),
 }
+# distributions that fill the folder OCP, with the versions that were tested; cadquery needs the second one
+OCCT = ("cadquery-ocp-novtk", "cadquery-ocp")
+OLDEST, TOO_NEW = "7.8.1", "8.1"
 # shared libraries of Linux that wheels of OpenCASCADE, VTK and Dr.Jit do not bring, with packages of Debian
 LIBRARIES = {
     "libatomic.so.1": "libatomic1",
@@ -45,8 +52,8 @@ LIBRARIES = {
 PLATFORMS = (("Linux", "x86_64"), ("Windows", "AMD64"), ("Darwin", "arm64"))
 WHEELS = {
     "drjit": (*PLATFORMS, ("Linux", "aarch64")),
-    "OCP": (*PLATFORMS, ("Darwin", "x86_64")),
-    "lib3mf": (*PLATFORMS, ("Darwin", "x86_64")),
+    "OCP": (*PLATFORMS, ("Linux", "aarch64"), ("Darwin", "x86_64")),
+    "lib3mf": (*PLATFORMS, ("Linux", "aarch64"), ("Darwin", "x86_64")),
 }
 
 
@@ -96,10 +103,12 @@ def _homes(door: Path, package: str) -> dict[str, str]:
 
 def _file(module: str) -> Path:
     """Return the source file of a module, which is not imported."""
-    spec = find_spec(module)
+    package, *names = module.split(".")
+    spec = find_spec(package)
     assert spec is not None
     assert spec.origin is not None
-    return Path(spec.origin)
+    path = Path(spec.origin).parent.joinpath(*names)
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 class StandIn(type):
@@ -154,6 +163,35 @@ def loaded(module: str) -> ModuleType:
     except (ImportError, NameError):  # Dr.Jit trips over its own sentence
         require_libraries(module)
         raise
+
+
+def require_one_occt() -> None:
+    """Raise MissingPackage where two versions of OCCT fill the folder OCP, or one that was never tested."""
+    from importlib.metadata import PackageNotFoundError, version  # 20 ms, for those who use OCCT
+
+    found = {}
+    for package in OCCT:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    if len(set(found.values())) > 1:
+        kept = OCCT[find_spec("cadquery") is not None and find_spec("build123d") is None]
+        raise MissingPackage(
+            f"{' and '.join(map(' '.join, found.items()))} share the folder OCP, where one overwrites the "
+            f"other; pip uninstall -y {' '.join(found)}, then pip install {kept}=={found[kept]}",
+            name="OCP",
+        )
+    for package, number in found.items():
+        if not _release(OLDEST) <= _release(number) < _release(TOO_NEW):
+            raise MissingPackage(
+                f"{package} {number} is installed, and thbcad was tested with versions from {OLDEST} to "
+                f'below {TOO_NEW}; pip install "{package}>={OLDEST},<{TOO_NEW}"',
+                name="OCP",
+            )
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """Return the numbers of a version, (7, 8, 1, 1) of 7.8.1.1.post1."""
+    return tuple(map(int, RELEASE.findall(version)))
 
 
 def require_libraries(name: str) -> None:

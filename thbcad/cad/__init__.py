@@ -1,6 +1,8 @@
 """CAD exchange; only this package imports OpenCASCADE."""
 
-from thbcad.doors import TYPE_CHECKING, lazy_door
+from thbcad.doors import TYPE_CHECKING, lazy_door, require_one_occt
+
+require_one_occt()
 
 if TYPE_CHECKING:
     from .exchange import (

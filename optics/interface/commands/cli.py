@@ -26,7 +26,7 @@ from optics.base.workers import lacks_memory
 from optics.interface.commands.arguments import parsed
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.stop_signals import stop_signals
-from thbcad.doors import MissingPackage, missing_packages, not_installed
+from thbcad.doors import MissingPackage, missing_packages, not_installed, require_one_occt
 from thbcad.io import json_text
 
 INTERNAL_ERROR = 70  # EX_SOFTWARE of sysexits.h
@@ -73,9 +73,10 @@ def _stoppable(options: Namespace) -> int:
 def _run(options: Namespace) -> int:
     """Run the command of the arguments, print what it returns, and return the exit code."""
     _require_date()
-    missing = [] if options.command in FREE else missing_packages("optics")
-    if missing:
-        raise UserError(not_installed(missing, "optics"))
+    if options.command not in FREE:
+        if missing := missing_packages("optics"):
+            raise UserError(not_installed(missing, "optics"))
+        require_one_occt()
     if options.command not in ("bench", "completion", *FREE):  # which need no SciPy
         _leave_docstrings_unread()
     command = import_module(f"optics.interface.commands.{options.command}_command")

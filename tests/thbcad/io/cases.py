@@ -1,5 +1,7 @@
 """Shapes with round faces, and shapes written as STEP by OpenCASCADE itself."""
 
+import re
+
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
 from OCP.BRepPrimAPI import (
@@ -15,14 +17,33 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from thbcad.cad.exchange import occt_settings, step_bytes
 from thbcad.io import brep_of_text
 
+MILLIMETRE = re.compile(r"#(\d+) = \( LENGTH_UNIT\(\) NAMED_UNIT\(\*\) SI_UNIT\(\.MILLI\.,\.METRE\.\) \);")
+INCH = """#{0} = ( CONVERSION_BASED_UNIT('INCH',#{0}1) LENGTH_UNIT() NAMED_UNIT(#{0}3) );
+#{0}1 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#{0}2);
+#{0}2 = ( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );
+#{0}3 = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);"""
+METRIC = "#{{0}} = ( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT({},.METRE.) );"
+UNITS = {
+    "INCH": INCH,
+    **{name: METRIC.format(by) for name, by in (("M", "$"), ("CM", ".CENTI."), ("UM", ".MICRO."))},
+}
+
 
 def written(shape, path, unit="MM", schema="AP214IS"):
-    """Write a shape by OCCT's plain writer, without names, and return the path."""
+    """Write a shape by OCCT's plain writer, without names, and return the path.
+
+    unit : of its lengths.  OCCT 7.8 and 8.0 convert them differently: here the numbers stay, and the unit is
+    set in the text.
+    """
     STEPControl_Writer()  # OCCT's settings exist only once a writer has been made
-    with occt_settings({"write.step.unit": unit, "write.step.schema": schema}):
+    with occt_settings({"write.step.unit": "MM", "write.step.schema": schema}):
         writer = STEPControl_Writer()
         writer.Transfer(shape, STEPControl_AsIs)
         writer.Write(str(path))
+    if unit != "MM":
+        text, count = MILLIMETRE.subn(lambda found: UNITS[unit].format(found[1]), path.read_text())
+        assert count == 1
+        path.write_text(text)
     return path
 
 

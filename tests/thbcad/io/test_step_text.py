@@ -272,7 +272,7 @@ def test_the_text_holds_the_very_loose_surfaces_and_curves(tmp_path):
 
 @pytest.mark.parametrize("unit", ["INCH", "M", "CM", "UM"])
 def test_the_unit_is_told(unit, tmp_path):
-    """OCCT writes the same lens in other units."""
+    """Of a file in any unit, the same lens."""
     wanted = {"INCH": "INCH", "M": "METRE", "CM": "CENTI METRE", "UM": "MICRO METRE"}[unit]
     path = written(lens_solid(LENSES["table63"]), tmp_path / "lens.step", unit)
     assert length_unit(entities_of_text(path.read_text())) == wanted

@@ -4,10 +4,9 @@ import numpy as np
 from hypothesis import strategies as st
 from OCP.Geom import Geom_BSplineCurve
 from OCP.gp import gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 from tests.thbcad.cases import knot_vectors, seeds
+from thbcad.cad.occt_names import IntegerArray, PointArray, RealArray
 from thbcad.splines.nurbs import NURBSCurve
 
 
@@ -20,11 +19,11 @@ def curves(draw, d=3, **options):
 
 def geom_curve(curve):
     values, counts = np.unique(curve.kv.knots, return_counts=True)
-    poles, weights = TColgp_Array1OfPnt(1, curve.kv.dim), TColStd_Array1OfReal(1, curve.kv.dim)
+    poles, weights = PointArray(1, curve.kv.dim), RealArray(1, curve.kv.dim)
     for k, (point, weight) in enumerate(zip(curve.coefficients.tolist(), curve.weights.tolist()), 1):
         poles.SetValue(k, gp_Pnt(*point))
         weights.SetValue(k, weight)
-    knots, multiplicities = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
+    knots, multiplicities = RealArray(1, len(values)), IntegerArray(1, len(values))
     for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist()), 1):
         knots.SetValue(k, value)
         multiplicities.SetValue(k, count)

@@ -3,7 +3,7 @@
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
-    from .face_points import FaceNodes, face_hits, face_nodes, point_and_normal, step_solid
+    from .face_points import FaceNodes, face_hits, face_nodes, first_hit, point_and_normal, step_solid
     from .handover import GLASS, library, named_faces, to_build123d, to_cadquery
     from .iges_brep_solids import brep_bytes, iges_bytes, part_iges, read_brep, read_iges
     from .loose_splines import read_curves, read_faces, write_curves, write_faces

@@ -12,16 +12,17 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.occt_texts import silence
 from thbcad.cad.exchange.reading import faces_of, step_shape
+from thbcad.cad.occt_names import ShapeNumbers, as_face
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
 
 FARTHEST = 1e9  # mm along a ray
+NEARER = 1.1  # times where a search begins: what OCCT finds before that is the face of the start
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +104,39 @@ def face_hits(
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
         raise ValueError("origins and directions must be finite, directions not zero")
     shape = solid if isinstance(solid, TopoDS_Shape) else step_solid(solid)
-    numbers = TopTools_IndexedMapOfShape()
+    numbers = ShapeNumbers()
     TopExp.MapShapes_s(shape, TopAbs_FACE, numbers)
     intersector = IntCurvesFace_ShapeIntersector()
     intersector.Load(shape, TOLERANCE)
     points, normals = (np.full(origins.shape, np.nan) for _ in range(2))
     faces = np.full(len(origins), -1)
     for k, (origin, direction) in enumerate(zip(origins.tolist(), directions.tolist())):
-        intersector.PerformNearest(gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after, FARTHEST)
-        if intersector.NbPnt():
-            face = intersector.Face(1)
+        if first := first_hit(intersector, gp_Lin(gp_Pnt(*origin), gp_Dir(*direction)), after):
+            face = intersector.Face(first)
             faces[k] = numbers.FindIndex(face) - 1
-            points[k] = intersector.Pnt(1).Coord()
-            normals[k] = point_and_normal(face, intersector.UParameter(1), intersector.VParameter(1))[1]
+            points[k] = intersector.Pnt(first).Coord()
+            u, v = intersector.UParameter(first), intersector.VParameter(first)
+            normals[k] = point_and_normal(face, u, v)[1]
     return FaceHits(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces)
+
+
+def first_hit(intersector: IntCurvesFace_ShapeIntersector, line: gp_Lin, after: float) -> int:
+    """Return the number of a line's first meeting with faces farther than `after`, mm; 0 for none.
+
+    Since version 8.0 OCCT finds a face just before `after` there, too.
+    """
+    intersector.PerformNearest(line, after, FARTHEST)
+    if not intersector.NbPnt() or intersector.WParameter(1) > NEARER * after:
+        return int(intersector.NbPnt() > 0)
+    intersector.Perform(line, after, FARTHEST)
+    lengths = [(intersector.WParameter(k), k) for k in range(1, intersector.NbPnt() + 1)]
+    return min((found for found in lengths if found[0] > NEARER * after), default=(0.0, 0))[1]
 
 
 def point_and_normal(face: TopoDS_Face, u: float, v: float) -> tuple[Floats, Floats]:
     """Return a point of the surface under a face, mm, and its outward normal there, of any length, (3,)
     each."""
     point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
-    BRep_Tool.Surface_s(TopoDS.Face_s(face)).D1(u, v, point, along_u, along_v)
+    BRep_Tool.Surface_s(as_face(face)).D1(u, v, point, along_u, along_v)
     outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
     return np.array(point.Coord()), outward * np.array(along_u.Crossed(along_v).Coord())

@@ -100,4 +100,4 @@ def library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"{name} cannot be imported ({error}); {pip_command('cad')}") from error
+        raise ImportError(f"{name} cannot be imported ({error}); {pip_command(name)}") from error

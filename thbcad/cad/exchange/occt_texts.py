@@ -22,7 +22,7 @@ from OCP.StepAP214 import StepAP214
 from OCP.StepBasic import StepBasic_Product
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
-from OCP.TCollection import TCollection_HAsciiString
+from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TopoDS import TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
@@ -43,6 +43,7 @@ STRING = r"'(?:[^']|'')*'"
 # a point, a text, a number, the blanks that begin a line, the blanks around "="
 TOKEN = re.compile(rf" = (?:{POINT})?|{STRING}|{REAL}|\n +")
 BEYOND_ASCII = re.compile(r"[^\x20-\x7e]+")
+BACKSLASH = "\ufdd0"  # no character: it stands for a backslash where OCCT 7.9 would see a control directive
 
 
 @contextmanager
@@ -75,18 +76,28 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
     model = writer.Model()
     for entity in [model.Value(number) for number in range(1, model.NbEntities() + 1)]:
         if isinstance(entity, StepBasic_Product):  # without the counter that OCCT appends
-            entity.SetId(TCollection_HAsciiString(product))
-            entity.SetName(TCollection_HAsciiString(product))
+            entity.SetId(ascii_string(product))
+            entity.SetName(ascii_string(product))
     return model_text(model, Product(product))
+
+
+def extended_string(text: str) -> TCollection_ExtendedString:
+    """Return a text for OCCT to write, which `compact` must see."""
+    return TCollection_ExtendedString(text.replace("\\", BACKSLASH), True)  # of UTF-8
+
+
+def ascii_string(text: str) -> TCollection_HAsciiString:
+    """Return a text for OCCT to write, which `compact` must see, as UTF-8."""
+    return TCollection_HAsciiString(text.replace("\\", BACKSLASH))
 
 
 def model_text(model: Interface_InterfaceModel, product: Product) -> bytes:
     """Return the file of an OCCT STEP model under the names of a Product, with a fixed time stamp."""
     header = APIHeaderSection_MakeHeader(model)
-    header.SetName(TCollection_HAsciiString(product.name))
+    header.SetName(ascii_string(product.name))
     header.SetTimeStamp(TCollection_HAsciiString(STAMP))
-    header.SetAuthorValue(1, TCollection_HAsciiString(product.author))
-    header.SetOrganizationValue(1, TCollection_HAsciiString(product.organization))
+    header.SetAuthorValue(1, ascii_string(product.author))
+    header.SetOrganizationValue(1, ascii_string(product.organization))
     header.SetOriginatingSystem(TCollection_HAsciiString("thbcad"))
     schema = header.SchemaIdentifiersValue(1).ToCString()
     # OCCT sets a dot behind the name of AP242, which is no part of it
@@ -118,7 +129,7 @@ def compact(text: str) -> str:
             return f"=CARTESIAN_POINT('',({point}))" if point else "="
         if whole[0] == "'":
             # OCCT breaks long texts into lines, which are no part of them
-            return BEYOND_ASCII.sub(_encoded, whole.replace("\n", ""))
+            return BEYOND_ASCII.sub(_encoded, whole.replace("\n", "").replace(BACKSLASH, r"\\"))
         return "\n" if whole[0] == "\n" else known[float(whole)]
 
     return TOKEN.sub(shorter, text)

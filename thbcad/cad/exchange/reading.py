@@ -10,7 +10,7 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
-from OCP import Standard, StepGeom, StepRepr, StepShape, StepVisual, TopoDS as Topology
+from OCP import Standard, StepBasic, StepGeom, StepRepr, StepShape, StepVisual, TopoDS as Topology
 from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.IFSelect import IFSelect_RetDone
@@ -21,9 +21,10 @@ from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHAPE, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.occt_texts import occt_settings
+from thbcad.cad.occt_names import as_edge, as_face
 from thbcad.files import regular_bytes
 from thbcad.io import rewritten
 
@@ -37,6 +38,8 @@ OCCT_ERRORS: tuple[type[Exception], ...] = tuple(  # they have no common base
     if isinstance(e, type) and issubclass(e, Exception)
 )
 GEOMETRY = (
+    StepBasic.StepBasic_ConversionBasedUnit,
+    StepBasic.StepBasic_LengthMeasureWithUnit,
     StepGeom.StepGeom_GeometricRepresentationItem,
     StepRepr.StepRepr_DefinitionalRepresentation,
     StepShape.StepShape_TopologicalRepresentationItem,
@@ -117,12 +120,12 @@ def explore(
 
 def faces_of(shape: TopoDS_Shape) -> list[TopoDS_Face]:
     """Return the faces of a shape in their order."""
-    return [TopoDS.Face_s(face) for face in explore(shape, TopAbs_FACE)]
+    return [as_face(face) for face in explore(shape, TopAbs_FACE)]
 
 
 def edges_of(shape: TopoDS_Shape, avoided: TopAbs_ShapeEnum = TopAbs_SHAPE) -> list[TopoDS_Edge]:
     """Return the edges of a shape in their order, as `explore`; the seam of a face comes twice."""
-    return [TopoDS.Edge_s(edge) for edge in explore(shape, TopAbs_EDGE, avoided)]
+    return [as_edge(edge) for edge in explore(shape, TopAbs_EDGE, avoided)]
 
 
 def step_shape(path: Path, unit: str = "MM") -> TopoDS_Shape:
@@ -188,8 +191,8 @@ def _require_harmless(path: Path, data: bytes) -> None:
 
 
 def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, ...]) -> None:
-    """Raise ValueError where OCCT found no value for a parameter, other than a name, of an entity of some
-    kinds: it ends the process where it needs one."""
+    """Raise ValueError where OCCT found no value for a parameter of an entity of some kinds: it ends the
+    process where it needs one.  Names and the dimensions of units it does not need."""
     model = reader.Model()
     if not model.Reports().NbEntities():  # as a rule, and to ask every point takes long
         return
@@ -198,7 +201,7 @@ def _require_filled(path: Path, reader: STEPControl_Reader, kinds: tuple[type, .
             continue
         report = model.Check(number, True)
         fails = [report.Fail(k).ToCString() for k in range(1, report.NbFails() + 1)]
-        wrong = [fail for fail in fails if "String" not in fail]
+        wrong = [fail for fail in fails if "String" not in fail and "(dimensions)" not in fail]
         if wrong:
             kind = type(entity).__name__
             raise ValueError(f"{path} is not a readable STEP file: its entity {number}, {kind}: {wrong[0]}")

@@ -12,14 +12,15 @@ import numpy as np
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
 from OCP.TDataStd import TDataStd_Name
-from OCP.TDF import TDF_Label, TDF_LabelSequence
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TDF import TDF_Label
+from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 from thbcad.cad.exchange.loose_splines import face_of
 from thbcad.cad.exchange.occt_texts import STRING, compact
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.step import part_step, step_bytes
+from thbcad.cad.occt_names import Labels, as_solid
 from thbcad.cad.shapes import Part
 from thbcad.checks import Floats
 from thbcad.lens import Product
@@ -118,7 +119,7 @@ def sheet_part(surface: BSplineSurface, thickness: float) -> Part:
     """Return what lies between a surface and the same surface moved along z, mm, as a Part."""
     solid = BRepPrimAPI_MakePrism(face_of(surface), gp_Vec(0.0, 0.0, thickness)).Shape()
     faces = faces_of(solid)
-    return Part(TopoDS.Solid_s(solid), [""] * len(faces), faces)
+    return Part(as_solid(solid), [""] * len(faces), faces)
 
 
 def _named(file: bytes, name: str) -> bytes:
@@ -147,7 +148,7 @@ def _frame(pose: Pose) -> dict[str, str]:
 
 
 def _quoted(text: str) -> str:
-    return text.replace("'", "''")
+    return text.replace("\\", r"\\").replace("'", "''")
 
 
 def read_scene(path: str | Path) -> tuple[PlacedShape, ...]:
@@ -158,7 +159,7 @@ def read_scene(path: str | Path) -> tuple[PlacedShape, ...]:
     """
     path = Path(path)
     _, document = step_document(path)
-    roots, uses = TDF_LabelSequence(), TDF_LabelSequence()
+    roots, uses = Labels(), Labels()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(roots)
     if roots.Length() != 1 or not XCAFDoc_ShapeTool.IsAssembly_s(roots.Value(1)):
         raise ValueError(f"{path} must hold one assembly, got {roots.Length()} shapes of another kind")

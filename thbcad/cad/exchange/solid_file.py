@@ -20,10 +20,10 @@ from OCP.GProp import GProp_GProps
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange.reading import explore, faces_of
+from thbcad.cad.occt_names import ShapeOwners, as_edge, as_shell, as_vertex, box_limits
 from thbcad.cad.shapes import TOLERANCE, spline_surface
 from thbcad.checks import MAX_DEGREE, Floats
 from thbcad.lens import OpticalForm, optical_places
@@ -128,7 +128,7 @@ def _centre(spline: BSplineSurface) -> Floats:
 
 def _corners(shape: TopoDS_Shape) -> Floats:
     """Return the vertices of a shape, (n, 3), mm."""
-    vertices = (TopoDS.Vertex_s(vertex) for vertex in explore(shape, TopAbs_VERTEX))
+    vertices = (as_vertex(vertex) for vertex in explore(shape, TopAbs_VERTEX))
     return np.array([BRep_Tool.Pnt_s(vertex).Coord() for vertex in vertices]).reshape(-1, 3)
 
 
@@ -160,10 +160,10 @@ class SolidState:
     @property
     def free_edges(self) -> int:
         """The number of edges that do not border two faces, without those at poles, which have no length."""
-        owners = TopTools_IndexedDataMapOfShapeListOfShape()
+        owners = ShapeOwners()
         TopExp.MapShapesAndAncestors_s(self.shape, TopAbs_EDGE, TopAbs_FACE, owners)
         numbers = range(1, owners.Extent() + 1)
-        edges = [k for k in numbers if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(owners.FindKey(k)))]
+        edges = [k for k in numbers if not BRep_Tool.Degenerated_s(as_edge(owners.FindKey(k)))]
         return sum(owners.FindFromIndex(k).Extent() != 2 for k in edges)
 
     @property
@@ -174,7 +174,7 @@ class SolidState:
     @property
     def closed(self) -> bool:
         """Whether OCCT calls the shells closed."""
-        shells = [TopoDS.Shell_s(s) for s in explore(self.shape, TopAbs_SHELL)]
+        shells = [as_shell(s) for s in explore(self.shape, TopAbs_SHELL)]
         return bool(shells) and all(BRep_Tool.IsClosed_s(s) for s in shells)
 
     @property
@@ -192,7 +192,7 @@ class SolidState:
         """The box of the shape by OCCT, (x, y, z, x, y, z) in mm: that of the poles, not the least one."""
         box = Bnd_Box()
         BRepBndLib.Add_s(self.shape, box, False)
-        return box.Get()
+        return box_limits(box)
 
     @cached_property
     def area(self) -> float:

@@ -17,17 +17,24 @@ from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.StepRepr import StepRepr_NextAssemblyUsageOccurrence
 from OCP.StepShape import StepShape_AdvancedFace
-from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
-from OCP.TDF import TDF_Label, TDF_LabelSequence
+from OCP.TDF import TDF_Label
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool, XCAFDoc_Material, XCAFDoc_ShapeTool
 
-from thbcad.cad.exchange.occt_texts import SETTINGS, model_text, occt_settings, silence
+from thbcad.cad.exchange.occt_texts import (
+    SETTINGS,
+    ascii_string,
+    extended_string,
+    model_text,
+    occt_settings,
+    silence,
+)
 from thbcad.cad.exchange.reading import faces_of, step_document
 from thbcad.cad.exchange.solid_file import SolidFile, solid_file
+from thbcad.cad.occt_names import Labels
 from thbcad.cad.shapes import Part, lens_part
 from thbcad.checks import require_type, shown
 from thbcad.lens import Lens, Product, face_colour, require_line
@@ -104,7 +111,7 @@ def part_step(
         if isinstance(entity, StepBasic_DerivedUnitElement):  # of the density, which OCCT gives in g^3 cm^2
             entity.SetExponent(1.0 if isinstance(entity.Unit(), StepBasic_SiUnitAndMassUnit) else -3.0)
         if isinstance(entity, StepRepr_NextAssemblyUsageOccurrence):  # which OCCT counts in the process
-            entity.SetId(TCollection_HAsciiString("1"))
+            entity.SetId(ascii_string("1"))
     return model_text(model, product)
 
 
@@ -119,7 +126,7 @@ def read_step(path: str | Path) -> SolidFile:
     reader, document = step_document(path)
     shape = reader.OneShape()
     solid = solid_file(shape, path, _face_names(reader, shape))
-    labels, materials = TDF_LabelSequence(), TDF_LabelSequence()
+    labels, materials = Labels(), Labels()
     name, material = TDataStd_Name(), XCAFDoc_Material()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
     labels = _lone_part(labels)
@@ -136,33 +143,29 @@ def read_step(path: str | Path) -> SolidFile:
     )
 
 
-def _extended(text: str) -> TCollection_ExtendedString:
-    return TCollection_ExtendedString(text, True)  # of UTF-8
-
-
 def _document(part: Part, product: Product, placement: TopLoc_Location | None) -> TDocStd_Document:
     """Return a document that holds the solid with its name and material, its placement, and the faces with
     their names and colours."""
-    document = TDocStd_Document(_extended("XmlXCAF"))
+    document = TDocStd_Document(extended_string("XmlXCAF"))
     main = document.Main()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
     colours = XCAFDoc_DocumentTool.ColorTool_s(main)
     label = shapes.AddShape(part.solid, False)
-    TDataStd_Name.Set_s(label, _extended(product.name))
+    TDataStd_Name.Set_s(label, extended_string(product.name))
     for name, face in zip(product.named(part.names), part.faces, strict=True):
         sub = shapes.AddSubShape(label, face)
         if name:
-            TDataStd_Name.Set_s(sub, _extended(name))
+            TDataStd_Name.Set_s(sub, extended_string(name))
         colours.SetColor(sub, Quantity_Color(*face_colour(name), Quantity_TOC_sRGB), XCAFDoc_ColorSurf)
     if product.material:
         note = "" if product.index is None else f"refractive index {product.index}"
         words = product.material, note, "density", "POSITIVE_RATIO_MEASURE"
-        texts = [*map(TCollection_HAsciiString, words)]
+        texts = [*map(ascii_string, words)]
         XCAFDoc_DocumentTool.MaterialTool_s(main).SetMaterial(label, *texts[:2], product.density, *texts[2:])
     if placement is not None:
         assembly = shapes.NewShape()
-        TDataStd_Name.Set_s(assembly, _extended(f"{product.name} in its place"))
-        TDataStd_Name.Set_s(shapes.AddComponent(assembly, label, placement), _extended(product.name))
+        TDataStd_Name.Set_s(assembly, extended_string(f"{product.name} in its place"))
+        TDataStd_Name.Set_s(shapes.AddComponent(assembly, label, placement), extended_string(product.name))
         shapes.UpdateAssemblies()
     return document
 
@@ -175,10 +178,10 @@ def _face_names(reader: STEPControl_Reader, shape: TopoDS_Shape) -> tuple[str, .
     return tuple("" if name is None else name.ToCString() for name in names)
 
 
-def _lone_part(labels: TDF_LabelSequence) -> TDF_LabelSequence:
+def _lone_part(labels: Labels) -> Labels:
     """Return the label of the one part of an assembly, which stands for its place, and other labels as they
     are."""
-    placed, part, lone = TDF_LabelSequence(), TDF_Label(), TDF_LabelSequence()
+    placed, part, lone = Labels(), TDF_Label(), Labels()
     if labels.Length() == 1:
         XCAFDoc_ShapeTool.GetComponents_s(labels.Value(1), placed, False)
     if placed.Length() != 1 or not XCAFDoc_ShapeTool.GetReferredShape_s(placed.Value(1), part):
@@ -187,7 +190,7 @@ def _lone_part(labels: TDF_LabelSequence) -> TDF_LabelSequence:
     return lone
 
 
-def _found(labels: TDF_LabelSequence, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:
+def _found(labels: Labels, attribute: TDataStd_Name | XCAFDoc_Material) -> bool:
     """Set the attribute to that of the first label; return whether there is one."""
     # to look for an attribute that is not there ends the process
     return (

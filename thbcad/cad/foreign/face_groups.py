@@ -11,15 +11,14 @@ from OCP.GeomAbs import GeomAbs_CN
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_Intersector
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 from scipy.optimize import minimize_scalar
 
 from thbcad.cad.exchange import OCCT_ERRORS, edges_of, faces_of, point_and_normal, solid_volume
 from thbcad.cad.foreign.surveyed_faces import FaceEdge, SurveyedFace
+from thbcad.cad.occt_names import RealArray, ShapeOwners
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 from thbcad.splines import gauss_rule
@@ -61,7 +60,7 @@ def continued(solid: TopoDS_Shape, faces: Sequence[SurveyedFace], start: Surveye
 
     faces : those that may belong to it.
     """
-    owners = TopTools_IndexedDataMapOfShapeListOfShape()
+    owners = ShapeOwners()
     TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, owners)
     found, waiting = {start.number}, [start]
     while waiting:
@@ -144,7 +143,7 @@ def shadow_area(edges: Sequence[FaceEdge], frame: Pose) -> float:
     point, slope = gp_Pnt(), gp_Vec()
     total = 0.0
     for edge, curve, t, _ in edges:
-        spans = TColStd_Array1OfReal(1, curve.NbIntervals(GeomAbs_CN) + 1)  # within which it is smooth
+        spans = RealArray(1, curve.NbIntervals(GeomAbs_CN) + 1)  # within which it is smooth
         curve.Intervals(spans, GeomAbs_CN)
         at, weights = gauss_rule(np.union1d(list(spans), t[:: len(t) // PANELS]), NODES)
         rows = []

@@ -176,10 +176,10 @@ class SurveyedFace:
 
     @cached_property
     def edges(self) -> list[FaceEdge]:
-        """Its edges; seams lie within the face and are left out."""
-        found = []
-        for edge in edges_of(self.face):
-            if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, self.face):
+        """Its edges; seams, which bound it on both sides, lie within the face and are left out."""
+        edges, found = edges_of(self.face), []
+        for edge in edges:
+            if BRep_Tool.Degenerated_s(edge) or sum(edge.IsSame(other) for other in edges) > 1:
                 continue
             curve = BRepAdaptor_Curve(edge)
             t = np.linspace(curve.FirstParameter(), curve.LastParameter(), RIM)

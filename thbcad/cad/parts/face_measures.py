@@ -14,9 +14,9 @@ from OCP.GeomAPI import GeomAPI_IntCS, GeomAPI_ProjectPointOnSurf
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from thbcad.cad.exchange import edges_of, explore
+from thbcad.cad.occt_names import ShapeNumbers
 from thbcad.cad.parts.faces_in_regions import on_face, real_edges
 from thbcad.cad.parts.numbers_of_surfaces import surface_numbers
 from thbcad.cad.parts.search import APART, OPTICAL
@@ -51,7 +51,7 @@ def own_edges(faces: Sequence[TopoDS_Face], lens: Lens) -> frozenset[int]:
 def rim_faces(faces: Sequence[TopoDS_Face], optical: Sequence[int]) -> frozenset[int]:
     """Return the faces of a part, by number, that have an edge in common with an outer wire of the optical
     ones."""
-    rim = TopTools_IndexedMapOfShape()
+    rim = ShapeNumbers()
     for number in optical:
         for edge in edges_of(BRepTools.OuterWire_s(faces[number])):
             rim.Add(edge)

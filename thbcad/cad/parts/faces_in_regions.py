@@ -20,6 +20,7 @@ from OCP.TopAbs import TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thbcad.cad.exchange import edges_of, faces_of
+from thbcad.cad.occt_names import box_limits
 from thbcad.cad.parts.face_enclosures import Pieces, edge_pieces, face_pieces, split
 from thbcad.cad.shapes import TOLERANCE
 from thbcad.certified import ConvexRegion
@@ -164,6 +165,6 @@ def _edge_boxes(face: TopoDS_Face) -> Floats:
         for low, high in pairwise(steps):
             box = Bnd_Box2d()
             BndLib_Add2dCurve.Add_s(curve, low, high, TOLERANCE, box)
-            low_u, low_v, high_u, high_v = box.Get()
+            low_u, low_v, high_u, high_v = box_limits(box)
             rows.append((low_u, high_u, low_v, high_v))
     return np.array(rows).reshape(-1, 4)

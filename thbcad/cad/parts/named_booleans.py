@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.TopAbs import TopAbs_SOLID
-from OCP.TopoDS import TopoDS, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape, TopTools_ListOfShape
+from OCP.TopoDS import TopoDS_Shape
 
 from thbcad.cad.exchange import explore, faces_of
+from thbcad.cad.occt_names import ShapeList, ShapeNumbers, as_solid
 from thbcad.cad.parts.search import OPTICAL
 from thbcad.cad.shapes import Part
 
@@ -20,7 +20,7 @@ from thbcad.cad.shapes import Part
 def named_part(solid: TopoDS_Shape, names: Sequence[str]) -> Part:
     """Return the Part of a shape with one solid, whose faces have names in their order."""
     (own,) = explore(solid, TopAbs_SOLID)
-    return Part(TopoDS.Solid_s(own), tuple(names), tuple(faces_of(own)))
+    return Part(as_solid(own), tuple(names), tuple(faces_of(own)))
 
 
 def numbered(names: Sequence[str]) -> list[str]:
@@ -48,7 +48,7 @@ def _operated(
 ) -> Part:
     what = "join" if isinstance(operation, BRepAlgoAPI_Fuse) else "cut"
     shape = tool.solid if isinstance(tool, Part) else tool
-    arguments, tools = TopTools_ListOfShape(), TopTools_ListOfShape()
+    arguments, tools = ShapeList(), ShapeList()
     arguments.Append(part.solid)
     tools.Append(shape)
     operation.SetArguments(arguments)
@@ -76,7 +76,7 @@ def _renamed(
     """Return the result of an operation with the names of the faces from which its faces come; of two, the
     last one counts."""
     faces = faces_of(solid)
-    numbers = TopTools_IndexedMapOfShape()
+    numbers = ShapeNumbers()
     for face in faces:
         numbers.Add(face)
     names = [""] * numbers.Extent()

@@ -1,7 +1,8 @@
 """Bodies that leave a mould, and inserts of moulds, as OCCT solids with shared topology."""
 
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
+from thbcad.cad.occt_names import as_face
 from thbcad.cad.shapes.forms import form_of
 from thbcad.cad.shapes.lens_parts import trimmed_face, upright_face
 from thbcad.cad.shapes.rounded_walls import RoundedWall
@@ -21,7 +22,7 @@ def insert_part(insert: Insert) -> Part:
     back = turned_face(face_on(form_of(insert.forms[1]).surface(), ring.edges), not above)
     edges = wall_faces(wall, *((rim, ring) if above else (ring, rim)))
     names = (FACES[insert.number], INSERT_BACK, *(f"edge {k + 1}" for k in range(len(edges))))
-    return closed_part(names, (TopoDS.Face_s(face.Reversed()), back, *edges))
+    return closed_part(names, (as_face(face.Reversed()), back, *edges))
 
 
 def moulded_part(body: MouldedBody) -> Part:
@@ -51,7 +52,7 @@ def moulded_part(body: MouldedBody) -> Part:
             walls = drafted_faces(inner, *pair)
             # the glass lies outside where the step runs into it
             outward = body.inner.side == (-1 if body.small == 0 else 1)
-            added += walls if outward else [TopoDS.Face_s(face.Reversed()) for face in walls]
+            added += walls if outward else [as_face(face.Reversed()) for face in walls]
         rings[body.small] = outer
         faces += added
         names += ["land", *(f"step {k + 1}" for k in range(len(added) - 1))]

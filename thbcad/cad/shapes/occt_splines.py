@@ -15,9 +15,8 @@ from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Pln, gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
+from thbcad.cad.occt_names import IntegerArray, PointArray, RealArray
 from thbcad.checks import Floats
 from thbcad.splines import BSplineCurve, BSplineSurface, KnotVector, NURBSCurve, NURBSSurface
 
@@ -53,7 +52,7 @@ def rational_geom(surface: NURBSSurface) -> Geom_BSplineSurface:
     if np.ptp(surface.weights) == 0:
         return geom
     for i, weights in enumerate(surface.weights.tolist(), 1):
-        geom.SetWeightRow(i, _filled(TColStd_Array1OfReal, weights))
+        geom.SetWeightRow(i, _filled(RealArray, weights))
     return geom
 
 
@@ -66,7 +65,7 @@ def rational_geom_curve(curve: NURBSCurve) -> Geom_BSplineCurve:
     """Return a NURBSCurve with points (n, 3) as Geom_BSplineCurve; equal weights make a polynomial one."""
     if np.ptp(curve.weights) == 0:
         return geom_curve(curve.kv, curve.coefficients)
-    weights = _filled(TColStd_Array1OfReal, curve.weights.tolist())
+    weights = _filled(RealArray, curve.weights.tolist())
     return Geom_BSplineCurve(_row_of_points(curve.coefficients), weights, *_knots(curve.kv), curve.kv.degree)
 
 
@@ -111,7 +110,9 @@ def spline_curve(geom: Geom_BSplineCurve, first: float, last: float) -> BSplineC
     points = np.array([pole.Coord() for pole in geom.Poles()])
     if not geom.IsRational():
         return BSplineCurve(kv, points)
-    return NURBSCurve(kv, points, np.array([*geom.Weights()]))
+    weights = RealArray(1, len(points))
+    geom.Weights(weights)
+    return NURBSCurve(kv, points, np.array([*weights]))
 
 
 def _filled(kind: Any, values: Sequence[Any]) -> Any:
@@ -122,10 +123,10 @@ def _filled(kind: Any, values: Sequence[Any]) -> Any:
     return array
 
 
-def _row_of_points(poles: Floats) -> TColgp_Array1OfPnt:
-    return _filled(TColgp_Array1OfPnt, [gp_Pnt(*point) for point in poles.tolist()])
+def _row_of_points(poles: Floats) -> PointArray:
+    return _filled(PointArray, [gp_Pnt(*point) for point in poles.tolist()])
 
 
-def _knots(kv: KnotVector) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
+def _knots(kv: KnotVector) -> tuple[RealArray, IntegerArray]:
     values, counts = np.unique(kv.knots, return_counts=True)
-    return _filled(TColStd_Array1OfReal, values.tolist()), _filled(TColStd_Array1OfInteger, counts.tolist())
+    return _filled(RealArray, values.tolist()), _filled(IntegerArray, counts.tolist())

@@ -10,8 +10,9 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
+from thbcad.cad.occt_names import as_face
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface
 from thbcad.cad.shapes.topology import (
     NAMES,
@@ -63,7 +64,7 @@ def patched_part(lens: Lens) -> Part:
     struts = {c: strut([s.coefficients[c] for s in whole], [v[c] for v in vertices], planar) for c in CORNERS}
 
     # the normal of the parametrisation points to +z: outward at the rear, inward at the front
-    faces = [TopoDS.Face_s(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
+    faces = [as_face(face.Reversed()) for face in sheets[0].faces] + sheets[1].faces
     for side in SIDES:
         front, rear = (sheet.chain(side, s) for sheet, s in zip(sheets, whole))
         chains = [

@@ -6,8 +6,9 @@ from itertools import chain, islice
 
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.gp import gp_Trsf, gp_Vec
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
 
+from thbcad.cad.occt_names import as_face
 from thbcad.cad.shapes.flange_solid import walled_lens
 from thbcad.cad.shapes.topology import BUILDER, Part, closed_part
 from thbcad.cad.shapes.walls import Ring, UprightWall, plane_face, wall_faces
@@ -34,7 +35,7 @@ def plate_part(plate: Plate) -> Part:
     holes: tuple[list[Ring], list[Ring]] = ([], [])
     for number, (x, y) in enumerate(plate.places.tolist()):
         copies, *rims = _moved((own, below.edges, above.edges), (x, y))
-        faces += map(TopoDS.Face_s, copies)
+        faces += map(as_face, copies)
         names += named_on_plate([*FACES, *edges], number)
         for ring, rim, hole in zip((below, above), rims, holes):
             hole.append(replace(ring, edges=rim))
@@ -44,7 +45,7 @@ def plate_part(plate: Plate) -> Part:
     walls, *rims = _moved((sides_of_land, *(ring.edges for ring in rings)), plate.middle)
     outer = [replace(ring, edges=rim) for ring, rim in zip(rings, rims)]
     faces += [plane_face(z, holes[k], outer[k], k == 1) for k, z in enumerate(land)]
-    faces += map(TopoDS.Face_s, walls)
+    faces += map(as_face, walls)
     sides = [side.name.replace("edge", "land side") for side in SIDES]
     return closed_part([*names, "land front", "land rear", *sides], faces)
 

@@ -7,8 +7,9 @@ import numpy as np
 from OCP.Geom import Geom_ConicalSurface, Geom_Curve, Geom_Line, Geom_Plane, Geom_Surface
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
+from thbcad.cad.occt_names import as_face
 from thbcad.cad.shapes.occt_splines import geom_curve, trace
 from thbcad.cad.shapes.walls import Ring, UprightWall, level_curve, ring_along, start_of, traced, wall_faces
 from thbcad.moulds import DraftedWall, Foot
@@ -88,4 +89,4 @@ def drafted_faces(wall: TaperedWall | UprightWall, low: Ring, high: Ring) -> lis
     """Return the faces of a wall between two of its rings, the first at the lower height, normals outward."""
     if isinstance(wall, UprightWall) or wall.drafted.side < 0:
         return wall_faces(wall, low, high)
-    return [TopoDS.Face_s(face.Reversed()) for face in wall_faces(wall, high, low)]
+    return [as_face(face.Reversed()) for face in wall_faces(wall, high, low)]

@@ -16,7 +16,6 @@ from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import (
-    TopoDS,
     TopoDS_Edge,
     TopoDS_Face,
     TopoDS_Shape,
@@ -26,6 +25,7 @@ from OCP.TopoDS import (
     TopoDS_Wire,
 )
 
+from thbcad.cad.occt_names import as_edge, as_face
 from thbcad.cad.shapes.occt_splines import TOLERANCE, geom_curve, geom_surface, trace
 from thbcad.checks import Floats
 from thbcad.lens import SIDES, Side, rim_parameter
@@ -117,7 +117,7 @@ def turned(edge: TopoDS_Edge, reverse: bool) -> TopoDS_Shape:
 
 def turned_face(face: TopoDS_Face, reverse: bool) -> TopoDS_Face:
     """Return the face, reversed or not."""
-    return TopoDS.Face_s(face.Reversed()) if reverse else face
+    return as_face(face.Reversed()) if reverse else face
 
 
 def new_wire(edges: Sequence[TopoDS_Shape]) -> TopoDS_Wire:
@@ -148,7 +148,7 @@ def face_on(
     draw_on_plane(face, loop)
     for edge, image in zip(loop, images):
         if image is not None:
-            BUILDER.UpdateEdge(TopoDS.Edge_s(edge), image, face, TOLERANCE)
+            BUILDER.UpdateEdge(as_edge(edge), image, face, TOLERANCE)
     return face
 
 
@@ -164,7 +164,7 @@ def draw_on_plane(face: TopoDS_Face, edges: Sequence[TopoDS_Shape]) -> None:
     position = surface.Position()
     origin = np.array(position.Location().Coord())
     axes = np.array([position.XDirection().Coord(), position.YDirection().Coord()])
-    for edge in map(TopoDS.Edge_s, edges):
+    for edge in map(as_edge, edges):
         if isinstance(BRep_Tool.Curve_s(edge, 0.0, 0.0), Geom_Conic):
             curve = BRepAdaptor_Curve(edge)
             ends = np.array([curve.FirstParameter(), curve.LastParameter()])

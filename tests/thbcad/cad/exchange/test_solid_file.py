@@ -17,10 +17,8 @@ from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Reader
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDataStd import TDataStd_Name
-from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_FACE
-from OCP.TopoDS import TopoDS
 from OCP.XCAFDoc import (
     XCAFDoc_ColorSurf,
     XCAFDoc_ColorTool,
@@ -42,6 +40,7 @@ from thbcad.cad.exchange.step import (
     read_step,
     step_bytes,
 )
+from thbcad.cad.occt_names import Labels, as_face
 from thbcad.cad.shapes import NAMES, Part, lens_part
 from thbcad.io import having, parse_brep, read_part21
 from thbcad.lens import Product, face_colour, optical_forms
@@ -103,7 +102,7 @@ def opened(path, reader):
         getattr(reader, mode, lambda on: None)(True)
     reader.ReadFile(str(path))
     assert reader.Transfer(document)
-    free = TDF_LabelSequence()
+    free = Labels()
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(free)
     (label,) = labels(free)
     return document, label
@@ -158,7 +157,7 @@ def test_an_opener_sees_names_colours_and_material(written, names_of_faces):
     _, path = written
     document, solid = opened(path, STEPCAFControl_Reader())
     assert name(solid) == "Pearl lens"
-    faces = TDF_LabelSequence()
+    faces = Labels()
     XCAFDoc_ShapeTool.GetSubShapes_s(solid, faces)
     assert [name(face) for face in labels(faces)] == list(NAMES)
     for face in labels(faces):
@@ -167,7 +166,7 @@ def test_an_opener_sees_names_colours_and_material(written, names_of_faces):
         rgb = colour.Values(Quantity_TOC_sRGB)
         # float32 inside OCCT
         assert rgb == pytest.approx(face_colour(name(face)), abs=1e-6)
-    materials = TDF_LabelSequence()
+    materials = Labels()
     XCAFDoc_DocumentTool.MaterialTool_s(document.Main()).GetMaterialLabels(materials)
     (label,) = labels(materials)
     material = XCAFDoc_Material()
@@ -239,7 +238,7 @@ def test_a_face_name_of_two_lines_is_refused():
 
 def test_a_part_of_another_shape_is_written(tmp_path):
     solid = BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Solid()
-    faces = [TopoDS.Face_s(face) for face in explore(solid, TopAbs_FACE)]
+    faces = [as_face(face) for face in explore(solid, TopAbs_FACE)]
     (tmp_path / "box.step").write_bytes(
         part_step(Part(solid, [f"edge {k}" for k in range(6)], faces), Product("box"))
     )

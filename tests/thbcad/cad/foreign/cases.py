@@ -13,8 +13,13 @@ from OCP.GC import GC_MakeArcOfCircle
 from OCP.Geom import Geom_BezierCurve
 from OCP.GeomAPI import GeomAPI_Interpolate
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt, TColgp_HArray1OfPnt
-from OCP.TopoDS import TopoDS
+
+from thbcad.cad.occt_names import PointArray, as_shell
+
+try:
+    from OCP.collections import HArray1_gp_Pnt as PointHandles
+except ImportError:  # before 8.0
+    from OCP.TColgp import TColgp_HArray1OfPnt as PointHandles
 
 AXIS = gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))
 SPLINE_POINTS = 81  # of an interpolated meridian
@@ -45,7 +50,7 @@ class Meridian:
             ).Edge()
         if self.constant == -1:
             return BRepBuilderAPI_MakeEdge(self._bezier(start, stop, shift)).Edge()
-        array = TColgp_HArray1OfPnt(1, len(points))
+        array = PointHandles(1, len(points))
         for k, point in enumerate(points, 1):
             array.SetValue(k, point)
         spline = GeomAPI_Interpolate(array, False, 1e-9)
@@ -65,7 +70,7 @@ class Meridian:
         )  # fmt: skip
         r = start + (stop - start) * t
         heights = np.linalg.solve(basis, self(r) + shift)
-        poles = TColgp_Array1OfPnt(1, degree + 1)
+        poles = PointArray(1, degree + 1)
         for k, (x, z) in enumerate(zip(r.tolist(), heights.tolist()), 1):
             poles.SetValue(k, gp_Pnt(x, 0, z))
         return Geom_BezierCurve(poles)
@@ -152,6 +157,6 @@ class RoundLens:
             for edge in self.meridian():
                 sewing.Add(BRepPrimAPI_MakeRevol(edge.Moved(turn), AXIS, 2 * np.pi / parts).Shape())
         sewing.Perform()
-        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()
+        solid = BRepBuilderAPI_MakeSolid(as_shell(sewing.SewedShape())).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         return bd.Solid(solid)

@@ -68,10 +68,9 @@ def test_units_and_schemas_do_not_matter(tmp_path, unit, name, size, schema):
         ("#1 = ", "#1 = ", "millimetre"),
         (r"#(\d+)(?=[,)\s])(?<!Context #1)", lambda m: f"#{int(m[1]) + 1000}", "millimetre"),
         (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "CONTEXT_DEPENDENT_UNIT('millimetre')", "unknown"),
-        (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "CONVERSION_BASED_UNIT()", "unknown"),
         (r"SI_UNIT\(\.MILLI\.,\.METRE\.\)", "SI_UNIT()", "unknown"),
     ],
-    ids=["as it is", "without an entity 1", "by agreement", "converted from nothing", "nothing"],
+    ids=["as it is", "without an entity 1", "by agreement", "nothing"],
 )
 def test_the_unit_is_that_of_the_context_or_unknown(tmp_path, before, after, unit):
     """OCCT names a context 'Context #1', which refers to nothing."""

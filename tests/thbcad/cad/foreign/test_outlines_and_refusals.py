@@ -14,8 +14,6 @@ from OCP.BRepBuilderAPI import (
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
 from OCP.TopAbs import TopAbs_SOLID
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_ListOfShape
 
 from tests.cases import slow_unless
 from tests.thbcad.cad.foreign.cases import Meridian, RoundLens, integral
@@ -25,6 +23,7 @@ from thbcad import Conic, FreeformSurface, Lens, read_lens_solid, to_build123d, 
 from thbcad.cad.exchange import explore, solid_volume
 from thbcad.cad.foreign.glass_checks import cut_by_walls
 from thbcad.cad.foreign.surveyed_faces import surveyed
+from thbcad.cad.occt_names import ShapeList, as_shell
 from thbcad.cad.shapes import geom_surface
 from thbcad.lens import placed_surfaces
 from thbcad.splines import BSplineSurface, KnotVector, interpolate
@@ -99,7 +98,7 @@ def test_an_outline_is_named_and_holds_the_right_volume(tmp_path, word, turn):
 
 def halved(solid):
     """A solid whose faces are split along the plane x = 0."""
-    arguments, tools = TopTools_ListOfShape(), TopTools_ListOfShape()
+    arguments, tools = ShapeList(), ShapeList()
     faces = BRepBuilderAPI_Sewing(1e-7)
     knife = bd.Plane.YZ.location * bd.Face.make_rect(100, 100)
     for face in solid.faces():
@@ -113,7 +112,7 @@ def halved(solid):
         for piece in bd.Compound(splitter.Shape()).faces():
             faces.Add(piece.wrapped)
     faces.Perform()
-    return BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(faces.SewedShape())).Solid()
+    return BRepBuilderAPI_MakeSolid(as_shell(faces.SewedShape())).Solid()
 
 
 @pytest.mark.parametrize("outline", ["rectangle", "round"])

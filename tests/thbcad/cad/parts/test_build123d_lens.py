@@ -1,11 +1,10 @@
-"""The lens as a part of build123d and of cadquery."""
+"""The lens as a part of build123d."""
 
 import build123d as bd
-import cadquery as cq
 import pytest
 
 from tests.thbcad.cad.parts.cases import LENSES, rows
-from thbcad.cad import LensPart, cut, join, workplane, write_step
+from thbcad.cad import LensPart, join, write_step
 from thbcad.cad.exchange import step_shape
 from thbcad.cad.parts.search import placed_lens
 from thbcad.cad.shapes import NAMES
@@ -32,9 +31,8 @@ def test_plus_and_minus_keep_lens_names_label_colour_and_joints():
 
 @pytest.mark.parametrize("wrong", [None, 3, "lens", bd.Box(1, 1, 1)])
 def test_only_a_lens_becomes_a_part(wrong):
-    for make in (LensPart, workplane):
-        with pytest.raises(ValueError, match="lens must be a Lens"):
-            make(wrong)
+    with pytest.raises(ValueError, match="lens must be a Lens"):
+        LensPart(wrong)
     with pytest.raises(ValueError, match="part must be a LensPart"):
         join(wrong, FLANGE)
 
@@ -86,22 +84,4 @@ def test_chamfers_by_build123d_leave_the_optical_faces(tmp_path):
     part = LensPart(LENS) + bd.Pos(0, 0, 1.5) * bd.Box(30, 26, 1)
     outer = [e for e in part.edges() if abs(e.center().X) == 15 and abs(e.length - 26) < 1e-9]
     write_step(bd.chamfer(outer, 0.2), tmp_path / "part.step", lens=LENS)
-    assert placed_lens(step_shape(tmp_path / "part.step"), LENS)
-
-
-def test_a_workplane_has_its_faces_tagged_and_keeps_the_tags(tmp_path):
-    lens = workplane(LENS)
-    assert lens.faces(tag="front").val().Area() == pytest.approx(20 * 16, rel=1e-9)
-    part = join(lens, cq.Workplane().box(30, 26, 1, centered=(True, True, False)), "flange")
-    part = cut(part, cq.Workplane().center(12, 10).circle(1).extrude(5), "bore")
-    assert part.faces(tag="front").val().Area() == pytest.approx(20 * 16, rel=1e-9)
-    assert part.faces(tag="bore").size() == 1
-    write_step(part, tmp_path / "part.step")
-    text = (tmp_path / "part.step").read_text("ascii")
-    assert all(f"ADVANCED_FACE('{name}'" in text for name in ("front", "flange", "flange 2", "bore"))
-    side = part.faces(">X").workplane(centerOption="CenterOfMass")
-    with pytest.raises(ValueError, match=r"front.*clean\(\)"):
-        write_step(side.hole(0.5, 2), tmp_path / "part.step", lens=LENS)
-    drilled = side.hole(0.5, 2, clean=False)
-    write_step(drilled, tmp_path / "part.step", lens=LENS)
     assert placed_lens(step_shape(tmp_path / "part.step"), LENS)

@@ -5,6 +5,7 @@ import os
 import subprocess
 from shutil import which
 
+import build123d
 import numpy as np
 import pytest
 from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -17,8 +18,6 @@ from thbcad.lens import FreeformSurface, Lens, Product, optical_forms
 from thbcad.moulds import BodyOptions, MouldedBody
 from thbcad.outlines import Outline
 from thbcad.sags import Conic
-
-build123d = pytest.importorskip("build123d")
 
 
 def disk(half, radius, sag=None, constant=0.0):

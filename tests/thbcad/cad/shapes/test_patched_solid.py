@@ -9,13 +9,12 @@ from hypothesis import given, strategies as st
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_VERTEX
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from tests.cases import examples
 from tests.thbcad.cad.shapes.cases import assert_whole
 from tests.thbcad.cases import surfaces
 from thbcad.cad.exchange import SolidState, explore, part_step, solid_volume, step_shape
+from thbcad.cad.occt_names import ShapeNumbers, ShapeOwners, as_edge, as_face
 from thbcad.cad.shapes.lens_parts import lens_part
 from thbcad.cad.shapes.patched_solid import lens_patches, patched_part
 from thbcad.hierarchy import THBSpace
@@ -116,17 +115,17 @@ def written(request, tmp_path_factory):
 
 
 def count(shape, kind):
-    found = TopTools_IndexedMapOfShape()
+    found = ShapeNumbers()
     TopExp.MapShapes_s(shape, kind, found)
     return found.Extent()
 
 
 def owners(shape):
     """Return [(edge, its faces), ...]."""
-    table = TopTools_IndexedDataMapOfShapeListOfShape()
+    table = ShapeOwners()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, table)
     return [
-        (TopoDS.Edge_s(table.FindKey(k)), [TopoDS.Face_s(f) for f in table.FindFromIndex(k)])
+        (as_edge(table.FindKey(k)), [as_face(f) for f in table.FindFromIndex(k)])
         for k in range(1, table.Extent() + 1)
     ]
 
@@ -178,7 +177,7 @@ def test_faces_read_back_lie_on_the_surfaces(written):
         )
         if surface is None:
             continue
-        occt = BRepAdaptor_Surface(TopoDS.Face_s(face))
+        occt = BRepAdaptor_Surface(as_face(face))
         u = rng.uniform(occt.FirstUParameter(), occt.LastUParameter(), 40)
         v = rng.uniform(occt.FirstVParameter(), occt.LastVParameter(), 40)
         x, y, z = np.array([occt.Value(*place).Coord() for place in zip(u.tolist(), v.tolist())]).T
@@ -221,7 +220,7 @@ def test_vertices_are_the_corners_of_patches(written):
             (u, v) for p in patches for u in (p.kv_u.start, p.kv_u.stop) for v in (p.kv_v.start, p.kv_v.stop)
         }
         faces = [face for face, own in zip(part.faces, part.names) if own.startswith(name)]
-        vertices = TopTools_IndexedMapOfShape()
+        vertices = ShapeNumbers()
         for face in faces:
             TopExp.MapShapes_s(face, TopAbs_VERTEX, vertices)
         assert vertices.Extent() == len(corners)

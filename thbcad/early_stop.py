@@ -14,13 +14,14 @@ import sys
 from types import FrameType
 
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-NAMES = ("thbcad", "thbcad.exe", "thbcad-script.py")  # of the installed command
+NAMES = {f"thbcad{end}" for end in ("", ".exe", "-script.py")}  # of the installed command
 
 
 def is_command() -> bool:
     """Return whether this process runs the command line: scripts keep their own handlers of signals."""
     name = os.path.basename(sys.argv[0]) if sys.argv else ""
-    by_module = name == "-m" and "optics" in sys.orig_argv[1 : 1 + len(sys.orig_argv) - len(sys.argv) + 1]
+    before = sys.orig_argv[1 : 1 + len(sys.orig_argv) - len(sys.argv) + 1]
+    by_module = name == "-m" and not {"optics", "thbcad"}.isdisjoint(before)
     return by_module or name in NAMES
 
 
