@@ -41,7 +41,7 @@ DESIGN = (
     *("design", "examples/tophat_square.toml", "--set", "target.pixels=[48,48]"),
     *("--set", "lens.rear.freeform.max_level=1", "--force"),
 )
-TESTS = ("-q", "-n", "logical", "--dist", "loadfile", "-m", "not slow", "tests/thbcad/cad", "tests/thbcad/io")
+TESTS = ("-n", "logical", "--dist", "loadfile", "-m", "not slow", "tests/thbcad/cad", "tests/thbcad/io")
 TOLD = re.compile(r"^\d+ (?:passed|failed).*$", re.MULTILINE)
 
 

@@ -7,7 +7,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepTools import BRepTools
-from OCP.GeomAbs import GeomAbs_CN
+from OCP.GeomAbs import GeomAbs_CN, GeomAbs_Sphere
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_Intersector
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
@@ -37,13 +37,17 @@ NODES = 6  # of the Gauss rule on each panel
 
 
 def unified(solid: TopoDS_Shape) -> TopoDS_Shape:
-    """Return a solid with one face where faces of one plane, sphere, cylinder, cone or torus meet smoothly.
+    """Return a solid with one face where faces of one plane, cylinder, cone or torus meet smoothly.
 
-    A merge that changes the volume is not taken.  Splines stay in their faces, and all faces do where OCCT
-    fails, as at halves of spheres that meet in a pole: `continued` finds these.
+    A merge that changes the volume is not taken.  Splines and spheres stay in their faces, which `continued`
+    finds: over spheres that meet in a pole OCCT 7.9 ends the process.
     """
     copy = BRepBuilderAPI_Copy(solid).Shape()  # where OCCT fails, it leaves a shape half changed
     merging = ShapeUpgrade_UnifySameDomain(copy, True, True, False)  # edges, faces, splines along edges
+    for face in faces_of(copy):
+        if BRepAdaptor_Surface(face).GetType() == GeomAbs_Sphere:
+            for edge in edges_of(face):
+                merging.KeepShape(edge)
     try:
         merging.Build()
     except OCCT_ERRORS:

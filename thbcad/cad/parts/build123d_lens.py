@@ -80,7 +80,7 @@ class LensPart(bd.BasePartObject):
     def with_shape(self, part: Part, placement: TopLoc_Location) -> LensPart:
         """Return a LensPart of this lens with another solid, moved to a placement."""
         compound = occt_shape(bd.Compound([bd.Solid(part.solid)]))
-        result = LensPart.__new__(LensPart)
+        result = object.__new__(LensPart)
         bd.Part.__init__(result, compound.Moved(placement), label=self.label)
         self.copy_attributes_to(result, ["wrapped", "_NodeMixin__children"])
         result.rotation = self.rotation
