@@ -1,6 +1,6 @@
 """Which test files need build123d or cadquery, and which of the two are missing.
 
-The two need different versions of OCP, so one environment holds only one of them.
+Their latest versions need different versions of OCP, so that an environment holds only one of them.
 """
 
 import re
