@@ -22,7 +22,7 @@ TARGETS = {
         "target.kind": "image",
         "target.image": str(EXAMPLES / "pearl.png"),
         "target.encoding": "srgb",
-        "target.lit": [0.75, 0.75],  # of no effect, as left out
+        "target.lit": [0.75, 0.75],  # the default: a picture allows no other
     },
 }
 STEP, SMALL_STEP = 1e-3, 1e-4  # of Adam, in w

@@ -132,7 +132,7 @@ class Tracer:
         # where nothing goes on no denominator may vanish
         landed = self._receiver.land(rays.origin, (x, y, dr.select(goes_on, z, 1)), dr, self._number)
         known = reduce(and_, (p.goes_on & p.found for p in passages), landed.met)
-        # what never meets the receiver goes on without end, unless a body is in its way
+        # a ray that never meets the receiver goes on to infinity, unless a body blocks it
         end = dr.inf if self._receiver.far_field else dr.select(landed.met, landed.length, dr.inf)
         blocked, again = self._obstructions[-1].takes(rays, goes_on, end)
         arrives = landed.met if blocked is False else landed.met & ~blocked

@@ -22,7 +22,7 @@ from thbcad.checks import Floats, Integers
 from thbcad.io import parse_brep
 
 FARTHEST = 1e9  # mm along a ray
-NEARER = 1.1  # times where a search begins: what OCCT finds before that is the face of the start
+NEARER = 1.1  # times the start of a search: OCCT 8.0 finds the face that a ray leaves nearer than this
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def face_hits(
 def first_hit(intersector: IntCurvesFace_ShapeIntersector, line: gp_Lin, after: float) -> int:
     """Return the number of a line's first meeting with faces farther than `after`, mm; 0 for none.
 
-    Since version 8.0 OCCT finds a face just before `after` there, too.
+    OCCT 8.0 reports a face just before `after` as if the line met it there.
     """
     intersector.PerformNearest(line, after, FARTHEST)
     if not intersector.NbPnt() or intersector.WParameter(1) > NEARER * after:

@@ -43,7 +43,7 @@ STRING = r"'(?:[^']|'')*'"
 # a point, a text, a number, the blanks that begin a line, the blanks around "="
 TOKEN = re.compile(rf" = (?:{POINT})?|{STRING}|{REAL}|\n +")
 BEYOND_ASCII = re.compile(r"[^\x20-\x7e]+")
-BACKSLASH = "\ufdd0"  # no character: it stands for a backslash where OCCT 7.9 would see a control directive
+BACKSLASH = "\ufdd0"  # a noncharacter, as placeholder: OCCT 7.9 takes backslashes for control directives
 
 
 @contextmanager
@@ -82,12 +82,12 @@ def step_text(shape: TopoDS_Shape, product: str) -> bytes:
 
 
 def extended_string(text: str) -> TCollection_ExtendedString:
-    """Return a text for OCCT to write, which `compact` must see."""
+    """Return a text as an OCCT string, with placeholders for backslashes until `compact` writes them."""
     return TCollection_ExtendedString(text.replace("\\", BACKSLASH), True)  # of UTF-8
 
 
 def ascii_string(text: str) -> TCollection_HAsciiString:
-    """Return a text for OCCT to write, which `compact` must see, as UTF-8."""
+    """Return a text as a UTF-8 string of OCCT, with the same placeholders as `extended_string`."""
     return TCollection_HAsciiString(text.replace("\\", BACKSLASH))
 
 
