@@ -9,8 +9,6 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 
-import numpy as np
-
 from optics.designing.optimisation.level_objective import stage_objective
 from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State
@@ -42,10 +40,10 @@ def re_aimed(
     fresh = fresh_light(system.shaped_as(shaped.shapes), lens, system.backend)
     corrections, missed = [], False
     for row, seen in zip(target.zone_rows(screen), system.target.zone_rows(system.target.screen())):
-        value = seen.reading(fresh, np.zeros_like(fresh)).value
+        value = seen.reading(fresh[None]).value
         least, greatest = seen.aims(fresh)
         missed |= value < (1 - CLOSE) * least or value > (1 + CLOSE) * greatest
-        corrections.append(row.reading(model, np.zeros_like(model)).value / value if value > 0 else 1.0)
+        corrections.append(row.reading(model[None]).value / value if value > 0 else 1.0)
     if not missed:
         return None
     corrected = replace(target, corrections=tuple(corrections))

@@ -6,15 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import atan2, degrees, hypot, inf
 
-import numpy as np
-
 from optics.base.runtime import Backend
 from optics.designing.prediction.blurred_picture import BlurLimits, wider_picture
 from optics.designing.prediction.displaced_pictures import DisplacedLimits
 from optics.designing.prediction.expectation import TAKEN, Expectation
 from optics.light.analysis import PICTURE_REL_L2, contrast_error, picture_limit
 from optics.light.blur import spot_rms
-from optics.scene.photometry import uniformity
+from optics.scene.photometry import BoxGrid
 from optics.scene.system import OpticalSystem
 
 WILL = "this design will miss its limit"
@@ -38,10 +36,10 @@ def foreseen_misses(
         there are any.
     """
     sentences = [*_of_the_error(system, expected, blur, displaced), *_wider(system, blur, backend)]
-    region, limits, screen = system.target.uniform_region, system.problem.verify, system.target.screen()
+    region, limits = system.target.uniform_region, system.problem.verify
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
         wide = spot_rms(system, system.lens, backend)
-        found = uniformity(np.ones(screen.shape), region, screen.half_width, blur=wide, grid=limits.grid)
+        found = BoxGrid(region, limits.grid, wide).without_light()
         if found.reason:  # the blur is as wide as the region
             sentences.append(
                 f"the uniformity may stay undecided: of the base lens {found.reason}; or make the "

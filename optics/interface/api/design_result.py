@@ -9,8 +9,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from optics.base.runtime import UserError, device
 from optics.designing.optimisation import Row, State, stages
 from optics.designing.progress import Notes
@@ -21,7 +19,14 @@ from optics.interface.api.irradiance_model import unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
 from optics.interface.api.scenes import SceneView
 from optics.interface.relighting import given_lens, other_source, relit
-from optics.light.analysis import Measurement, contrast_error, uniformity_metrics
+from optics.light.analysis import (
+    Light,
+    LightEstimate,
+    Measurement,
+    box_screen,
+    contrast_error,
+    uniformity_metrics,
+)
 from optics.light.blur import spot_rms
 from optics.reporting.view import scene_page, scene_paths
 from optics.scene.problem import Problem, Source
@@ -274,7 +279,9 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
     elif system.target.uniform_region and "grid" not in own.get("uniformity", {}):
         with device():
             blur = spot_rms(system, lens, system.backend)
-        noise = own.get("uniformity", {}).get("noise", 0.0)  # of a pixel, relative to the lit ones
-        error = np.full_like(irradiance, noise * irradiance[system.target.lit_pixels].mean())
-        own["uniformity"] = uniformity_metrics(system, irradiance, error, blur)
+        boxes = box_screen(system)
+        assert boxes is not None, "a uniform region has boxes"
+        images = [irradiance, boxes.means_of(irradiance, system.target.screen())]
+        light = LightEstimate.exact(Light.of(images, 0.0, 0.0))
+        own["uniformity"] = uniformity_metrics(system, light, blur)
     return Measurement(irradiance, target, own, sharp=sharp, colour=colour)

@@ -87,9 +87,10 @@ class Explorer:
         if divergence != self._divergence:  # the last one
             self._divergence, self._judge = divergence, self._judge_at(divergence)
         errors = [t.at(values[name]) for name, t in self._tolerances.items() if values.get(name)]
-        image, fates = self._judge.light(reduce(add, errors, NOMINAL))
-        numbers = self._judge.numbers(image, fates.on_target)
-        return ExploredLight(unit_mean(image), self._judge.target, numbers)
+        traced = self._judge.light
+        light, _ = traced.estimate(reduce(add, errors, NOMINAL))
+        image = unit_mean(light.irradiance / traced.screen.projection())
+        return ExploredLight(image, self._judge.target, self._judge.numbers(light))
 
     def _require_values(self, values: Mapping[str, float]) -> None:
         known = {knob.name: knob for knob in self.knobs}

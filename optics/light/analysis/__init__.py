@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         sequential_metrics,
     )
     from optics.light.analysis.light_by_all_ways import light_past_elements
-    from optics.light.analysis.light_estimate import LightEstimate
+    from optics.light.analysis.light_estimate import REPLICATES, Light, LightEstimate
     from optics.light.analysis.light_of_cells import cell_irradiance, cut_cells, traced_cells
     from optics.light.analysis.light_of_rays import ray_irradiance
     from optics.light.analysis.light_of_wavelengths import coloured, fringe
@@ -46,10 +46,13 @@ if TYPE_CHECKING:
     )
     from optics.light.analysis.phase_space import PhaseSpace
     from optics.light.analysis.photometric_metrics import (
+        box_screen,
         passing_share,
         passing_words,
+        per_area,
         photometric_lines,
         uniformity_metrics,
+        uniformity_of_pixels,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

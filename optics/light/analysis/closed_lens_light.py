@@ -8,13 +8,13 @@ shrinks.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from itertools import islice
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import REPLICATES, Light, LightEstimate
 from optics.light.measuring import light_axes
 from optics.light.tracing import (
     FATES,
@@ -34,7 +34,7 @@ from thbcad.lens import Lens
 NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
 AT_ONCE = 1 << 20  # rays of a source; they are joined again
-REPLICATES, PILOT = 8, 2  # the first ones tell whether the others are needed
+PILOT = 2  # replicates, which tell whether the others are needed
 ROULETTE = 0.2  # of a ray's flux: the variance times the work is least there (extended source, measured)
 # fates of light that went through the lens; what passes beside it is taken as stopped by the mount
 THROUGH = [k for k, fate in enumerate(FATES) if fate.endswith(("on_target", "off_target"))]
@@ -61,14 +61,21 @@ class OtherLight:
 
 
 def nonsequential_light(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, replicates: int | None = None
+    system: OpticalSystem,
+    lens: Lens,
+    screen: Screen,
+    backend: Backend,
+    replicates: int | None = None,
+    boxes: Screen | None = None,
 ) -> OtherLight:
     """Return the light of non-sequential paths on a screen.
 
     backend : of double precision.  replicates : at least PILOT; None is REPLICATES.
+    boxes : a second screen, on which the same light is measured.
     """
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
-    images: list[tuple[Floats, float, float]] = []
+    lights: list[Light] = []
+    screens = [screen] if boxes is None else [screen, boxes]
     fates: list[Fates] = []
     within: list[Branches] = []
     solid, plane = system.solid(lens), TargetArea.of(system.own_path(lens), screen.half_width)
@@ -88,15 +95,19 @@ def nonsequential_light(
         )
         through, ends = np.isin(every.fate, THROUGH), np.cumsum([0, *(part.flux.size for part in parts)])
         for rays, first, stop in zip(parts, ends, ends[1:]):
-            image, direct = _through_front_and_rear(system, lens, screen, rays, backend)
+            points, fluxes, direct = _through_front_and_rear(system, lens, screen, rays, backend)
             own = through & (first <= every.ray) & (every.ray < stop)
-            image = screen.binned(every.landings.points[own], every.landings.flux[own]) - image
+            images = [
+                s.binned(every.landings.points[own], every.landings.flux[own]) - s.binned(points, fluxes)
+                for s in screens
+            ]
             by_fate = Fates(*(copies * every.by_ray[:, first:stop].sum(axis=1)).tolist())
             ways = by_fate.onto - copies * direct.on_target, by_fate.beside - copies * direct.off_target
-            images.append((with_mirror_images(image, axes) / screen.pixel_area, *ways))
+            whole = [with_mirror_images(i, axes) / s.pixel_area for i, s in zip(images, screens)]
+            lights.append(Light.of(whole, *ways))
             fates.append(by_fate)
         within.append(every.onto_rear)
-        light = LightEstimate.of_replicates(images, tuple(axes))
+        light = LightEstimate.of_replicates(lights)
         mean = Fates(*np.mean([astuple(by_fate) for by_fate in fates], axis=0).tolist())
         share = light.on_target / mean.onto if mean.onto else 0.0
         last = sum(within[1:], start=within[0])
@@ -105,15 +116,17 @@ def nonsequential_light(
         return OtherLight(light, mean, share, onto_rear)
 
     pilot, more = trace(PILOT), number - PILOT
-    return trace(more) if more and not pilot.negligible else pilot
+    if not more or pilot.negligible:
+        return pilot
+    whole = trace(more)
+    return replace(whole, light=whole.light.grouped(REPLICATES)) if number > REPLICATES else whole
 
 
 def _through_front_and_rear(
     system: OpticalSystem, lens: Lens, screen: Screen, rays: Rays, backend: Backend
-) -> tuple[Floats, SequentialFates]:
-    """Return the flux in the pixels by the direct way, W, and its fates."""
+) -> tuple[Floats, Floats, SequentialFates]:
+    """Return where rays land by the direct way, (n, 2), with which flux, (n,) W, and its fates."""
     tracer = Tracer(backend, system.own_path(lens), rays)
     landing = tracer.landed()
     direct = tracer.fates(landing, screen.half_width)
-    points = np.column_stack([landing.x.numpy(), landing.y.numpy()])
-    return screen.binned(points, landing.flux.numpy()), direct
+    return np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy(), direct

@@ -16,7 +16,7 @@ from optics.base.runtime import RESOLVED, Check, Grade, grade
 from optics.light.analysis.light_of_rays import pixels_for
 from optics.light.tracing import fate_sentences
 from optics.scene.limits import names_cost
-from optics.scene.photometry import NOISE, Units
+from optics.scene.photometry import Units
 from optics.scene.problem import Verify
 
 WORTH_A_NOTE = 0.1  # of the source flux, lost on one way; of the light on the target, where it is to be dark
@@ -69,7 +69,7 @@ def delivery_checks(metrics: dict[str, Any], limits: Verify) -> list[Check]:
     return [
         *_zone_checks(metrics),
         *_beam_checks(metrics, limits),
-        *_uniformity_checks(metrics, limits),
+        *uniformity_checks(metrics, limits),
         *_picture_and_flux_checks(metrics, limits),
     ]
 
@@ -93,10 +93,10 @@ def _zone_checks(metrics: dict[str, Any]) -> Iterator[Check]:
         yield Check(row["name"], value, limit, row["unit"], row["at_least"], error, "light", remark)
 
 
-def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
+def uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
     """Yield the checks of uniform light; only one where its uniformity is not known, with the reason."""
     uniformity = metrics.get("uniformity")
-    if uniformity is None or (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
+    if uniformity is None or (uniformity["min_over_mean"] is None and _shape_is_limited(metrics, limits)):
         return
     symbol = "I" if "box_degrees" in uniformity else "E"
     rows = (
@@ -109,9 +109,8 @@ def _uniformity_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Chec
             continue
         value, error = uniformity[key], uniformity[f"{key}_error"]
         if value is None:
-            yield Check(
-                UNIFORMITY, None, limit, "", at_least, 0.0, "light", _why_unknown(metrics, uniformity)
-            )
+            why = f"{uniformity['reason']}; or {UNJUDGED}"
+            yield Check(UNIFORMITY, None, limit, "", at_least, 0.0, "light", why)
             return
         remark = _unless_resolved(metrics, value, error, limit)
         yield Check(name, value, limit, "", at_least, error, "light", remark)
@@ -122,15 +121,6 @@ def _shape_is_limited(metrics: dict[str, Any], limits: Verify) -> bool:
     angles = limits.beam_angle, limits.field_angle
     of_beam = metrics.get("beam") is not None and any(angle != NO_ANGLES for angle in angles)
     return of_beam or picture_limit(limits, uniform=True) < inf
-
-
-def _why_unknown(metrics: dict[str, Any], uniformity: dict[str, Any]) -> str:
-    """Return why there is no uniformity, and an option that gives one or takes its limits off."""
-    noise = uniformity.get("noise", 0.0)
-    if metrics.get("rays") and noise > NOISE and not uniformity.get("few_pixels"):
-        more = _more_rays(metrics, (noise / NOISE) ** 2)
-        return f"{uniformity['reason']}; {more}, or {UNJUDGED}"
-    return f"{uniformity['reason']}; or {UNJUDGED}"
 
 
 def _beam_checks(metrics: dict[str, Any], limits: Verify) -> Iterator[Check]:
@@ -173,12 +163,21 @@ def _picture_and_flux_checks(metrics: dict[str, Any], limits: Verify) -> Iterato
 
 def _unless_resolved(metrics: dict[str, Any], value: float | None, error: float, limit: float) -> str:
     """Return how many rays would tell on which side of its limit a value lies; "" where that is known."""
-    rays, gap = metrics.get("rays"), 0.0 if value is None else abs(value - limit)
-    if value is None or not rays or not error or gap > RESOLVED * error:
+    more = rays_to_decide(Check("", value, limit, "", error=error))
+    if not metrics.get("rays") or more <= 1:
         return ""
-    if not gap:
+    if isinf(more):
         return "the value equals its limit; more rays cannot decide"
-    return _more_rays(metrics, (RESOLVED * error / gap) ** 2)
+    return _more_rays(metrics, more)
+
+
+def rays_to_decide(check: Check) -> float:
+    """Return how many times the rays decide on a check: (RESOLVED error / |value - limit|)^2, at least 1; inf
+    of a value that equals its limit."""
+    if check.value is None or not check.error:
+        return 1.0
+    gap = abs(check.value - check.limit)
+    return max((RESOLVED * check.error / gap) ** 2, 1.0) if gap else inf
 
 
 def _more_rays(metrics: dict[str, Any], factor: float) -> str:
@@ -307,10 +306,10 @@ def past_notes(metrics: dict[str, Any]) -> list[str]:
 
 
 def unjudged_note(metrics: dict[str, Any], limits: Verify) -> list[str]:
-    """Return a sentence where uniformity is not judged because the lit region has few pixels and other limits
-    judge its shape."""
-    uniformity = metrics.get("uniformity") or {}
-    if not (uniformity.get("few_pixels") and _shape_is_limited(metrics, limits)):
+    """Return a sentence where uniformity is not judged because it is not known and other limits judge the
+    shape of the light."""
+    uniformity = metrics.get("uniformity")
+    if not uniformity or uniformity["min_over_mean"] is not None or not _shape_is_limited(metrics, limits):
         return []
     return [f"uniformity is not judged: {uniformity['reason']}"]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import NEGLIGIBLE, ROULETTE
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.light.analysis.light_of_rays import traced_parts
 from optics.light.analysis.light_of_wavelengths import light_of_plate
 from optics.light.analysis.phase_space import PhaseSpace, at_target, jacobian_determinants, source_points
@@ -62,7 +62,7 @@ def sequential(
             fates.append(tracer.fates(landing, screen.half_width))
             counts.append(tracer.counts(landing, screen.half_width))
         every, irradiance = reduce(add, fates), image.reshape(screen.shape, order="F")
-        return LightEstimate(irradiance, np.zeros(screen.shape), every.on_target, every.off_target), every
+        return LightEstimate.exact(Light.of([irradiance], every.on_target, every.off_target)), every
 
     light = light_of_plate(system, system.shaded_path(lens), screen, backend, traced)
     numbers = {name: sum(c.get(name, 0) for c in counts) for name in reduce(or_, counts)}

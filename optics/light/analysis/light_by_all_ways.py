@@ -11,45 +11,34 @@ Light that misses several elements is followed past all of them, one set of elem
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial, reduce
-from math import ceil
+from math import ceil, hypot
 from operator import add
 from typing import Any
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis.closed_lens_light import (
-    NEGLIGIBLE,
-    REPLICATES as OTHER_REPLICATES,
-    OtherLight,
-    nonsequential_light,
-)
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.closed_lens_light import NEGLIGIBLE, OtherLight, nonsequential_light
+from optics.light.analysis.light_estimate import REPLICATES, Light, LightEstimate
 from optics.light.analysis.light_of_beams import beam_irradiance
 from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import MOST_RAYS, light_of_parts, ray_count, ray_irradiance
 from optics.light.analysis.light_of_wavelengths import SpectralLight, coloured, light_of_plate
-from optics.light.analysis.photometric_metrics import uniformity_metrics
 from optics.light.measuring import light_axes
 from optics.light.tracing import SequentialFates
-from optics.scene.photometry import NOISE
 from optics.scene.problem import Optic
 from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
-from thbcad.checks import Floats
 from thbcad.lens import Lens
 
-MOST_MORE = 8.0  # times the usual rays, which a measurement takes before it says that noise hides a number
-SURER = 1.2  # times the rays that the noise of the first ones asks for
 ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance}
 WORTH = 1e-4  # of the light on the target along the path: less light past elements is not followed
 ROUNDING = 1e-9  # of the source's flux
 PILOT = (256, 256)  # rays that tell how much of it meets the target
 RAYS = (512, 512)  # of a replicate: no surface shapes most of this light, so that it is smooth
-REPLICATES = 4
 AT_ONCE = 1 << 18  # rays: each that comes near a body is searched for there
 STREAM = 4  # of random numbers, other than those of the other traces
 
@@ -82,14 +71,21 @@ class PastLight:
 
 
 def light_past_elements(
-    system: OpticalSystem, lens: Lens, fates: SequentialFates, screen: Screen, backend: Backend
+    system: OpticalSystem,
+    lens: Lens,
+    fates: SequentialFates,
+    screen: Screen,
+    backend: Backend,
+    boxes: Screen | None = None,
 ) -> PastLight | None:
     """Return the light that misses elements, on a screen; None where next to none does.
 
     Light past the lenses of a plate meets its land or other lenses, and is not followed.
 
     fates : of the light along the whole path.  backend : of double precision.
+    boxes : a second screen, on which the same light is measured.
     """
+    screens = [screen] if boxes is None else [screen, boxes]
     if system.problem.optic.array is not None:
         return None
     least = max(WORTH * fates.on_target, ROUNDING * system.problem.flux)
@@ -99,7 +95,7 @@ def light_past_elements(
     known, lights, missed_on_target = set(todo), list[LightEstimate](), set[int]()
     while todo:
         missed = todo.pop()
-        light, found = _light_past(system, lens, missed, screen, backend, least)
+        light, found = _light_past(system, lens, missed, screens, backend, least)
         lights.append(light)
         if light.on_target > least:
             missed_on_target |= missed
@@ -136,7 +132,7 @@ def _light_past(
     system: OpticalSystem,
     lens: Lens,
     missed: Collection[int],
-    screen: Screen,
+    screens: Sequence[Screen],
     backend: Backend,
     least: float,
 ) -> tuple[LightEstimate, SequentialFates]:
@@ -150,22 +146,21 @@ def _light_past(
     ways = [(share, way.past(faces)) for share, way in coloured(system, whole)]
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
 
-    def replicates(number: int, counts: tuple[int, int]) -> Iterator[tuple[Floats, SequentialFates]]:
+    def replicates(number: int, counts: tuple[int, int]) -> Iterator[tuple[Light, SequentialFates]]:
         for parts in system.source.whole.replicates(number, counts, rng, AT_ONCE):
             rays = [part.rays(whole.before) for part in parts]
-            every = [(s, light_of_parts(way, rough, screen, iter(rays), rng, backend)) for s, way in ways]
-            yield (
-                reduce(add, (share * image for share, (image, _) in every)),
-                reduce(add, (by_fate * share for share, (_, by_fate) in every)),
-            )
+            every = [(s, light_of_parts(way, rough, screens, iter(rays), rng, backend)) for s, way in ways]
+            fates = reduce(add, (by_fate * share for share, (_, by_fate) in every))
+            on, off = fates.on_target, fates.off_target
+            images = (Light.of(images, 0.0, 0.0) * share for share, (images, _) in every)
+            yield replace(reduce(add, images), on=np.asarray(on), off=np.asarray(off)), fates
 
-    ((image, fates),) = replicates(1, PILOT)
+    ((light, fates),) = replicates(1, PILOT)
     if fates.on_target <= least:
-        none = np.zeros_like(image)
-        return LightEstimate(none, none, 0.0, fates.off_target), fates
+        return LightEstimate.exact(replace(light * 0.0, off=light.off)), fates
     sets = [*replicates(REPLICATES, RAYS)]
-    light = LightEstimate.of_replicates((image, f.on_target, f.off_target) for image, f in sets)
-    return light, reduce(add, (f for _, f in sets)) / REPLICATES
+    fates = reduce(add, (by_fate for _, by_fate in sets)) / REPLICATES
+    return LightEstimate.of_replicates(light for light, _ in sets), fates
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,17 +192,26 @@ class AllLight:
         return reduce(add, self.added, self.direct.estimate)
 
     @property
-    def everywhere(self) -> LightEstimate:
-        """All that is known, however little it is."""
-        every = [each.light for each in (self.other, self.past) if each]
-        return reduce(add, every, self.direct.estimate)
+    def off_target(self) -> tuple[float, float]:
+        """All light outside the target that is known, however little it is, and its standard error, W."""
+        every = [self.direct.estimate, *(each.light for each in (self.other, self.past) if each)]
+        return sum(light.off_target for light in every), hypot(*(e.error_of_off_target for e in every))
 
 
 def all_light(
-    system: OpticalSystem, lens: Lens, screen: Screen, backend: Backend, more: float = 1.0
+    system: OpticalSystem,
+    lens: Lens,
+    screen: Screen,
+    backend: Backend,
+    more: float = 1.0,
+    boxes: Screen | None = None,
 ) -> AllLight:
-    """Return the light of a lens by all ways.  more : times the usual rays."""
-    path, estimate = system.shaded_path(lens), estimate_of(estimator_of(system), system, lens)
+    """Return the light of a lens by all ways.
+
+    more : times the usual rays.  boxes : a second screen, on which the same light is measured.
+    """
+    path = system.shaded_path(lens)
+    estimate = partial(estimate_of(estimator_of(system), system, lens), boxes=boxes)
     rays = ray_count(screen)
     if more > 1:
         rays = max(rays, min(int(more * rays), MOST_RAYS))
@@ -216,24 +220,10 @@ def all_light(
     # light may come by other ways: of a beam, where its front sends enough of it beside the rear, or walls
     beside = system.body is not None or direct.fates.missed_rear > NEGLIGIBLE * system.problem.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
-    replicates = ceil(more * OTHER_REPLICATES)
-    other = nonsequential_light(system, lens, screen, backend, replicates) if by_edges else None
-    past = light_past_elements(system, lens, direct.fates, screen, backend)
+    replicates = ceil(more) * REPLICATES
+    other = nonsequential_light(system, lens, screen, backend, replicates, boxes) if by_edges else None
+    past = light_past_elements(system, lens, direct.fates, screen, backend, boxes)
     return AllLight(direct, other, past, rays)
-
-
-def more_rays(system: OpticalSystem, found: AllLight, screen: Screen, blur: float) -> float:
-    """Return how many times the rays tell the uniformity that their noise hides; 1 where none does, or where
-    that takes more than MOST_MORE times.  blur : as of `delivered`."""
-    fixed = system.source.most_rays <= found.rays
-    if system.target.uniform_region is None or estimator_of(system) != "rays" or fixed:
-        return 1.0
-    light = found.light.over(screen.projection())
-    seen = uniformity_metrics(system, light.irradiance, light.noise, blur, light.axes, light.drift)
-    if seen["min_over_mean"] is not None or seen["noise"] <= NOISE:
-        return 1.0
-    more = SURER * (seen["noise"] / NOISE) ** 2
-    return more if more <= MOST_MORE else 1.0
 
 
 def estimate_of(

@@ -1,127 +1,194 @@
-"""Light on a screen as it was estimated, with the estimate's own error."""
+"""Light on a target as it was measured, and the error of any number that is computed from it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from math import hypot, sqrt
 
 import numpy as np
 
-from optics.scene.receivers import Screen, with_mirror_images
+from optics.base.statistics import (
+    drift_error,
+    drift_signs,
+    jackknife_error,
+    root_error,
+    standard_error,
+    unbiased_square,
+)
+from optics.scene.receivers import Screen
 from thbcad.checks import Bools, Floats
+
+REPLICATES = 8  # independent measurements of light that chance touches
+
+
+def no_boxes() -> Floats:
+    """Return the light on no boxes."""
+    return np.zeros((0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Light in numbers that add up, each with the same leading axes.
+
+    pixels : (..., rows, columns), W/mm^2.  on, off : (...), W in the target plane, on the screen and outside.
+    boxes : (..., grid, grid), W/mm^2, of the target's uniformity; (0, 0) where it has none.
+    """
+
+    pixels: Floats
+    on: Floats
+    off: Floats
+    boxes: Floats = field(default_factory=no_boxes)
+
+    @classmethod
+    def of(cls, images: Sequence[Floats], on: float, off: float) -> Light:
+        """Return the light of images on the pixels and, if there are any, on the boxes."""
+        return cls(images[0], np.asarray(on), np.asarray(off), *images[1:])
+
+    def each(self, change: Callable[[Floats], Floats]) -> Light:
+        """Return the light with all of its arrays changed alike."""
+        return Light(**{f.name: change(getattr(self, f.name)) for f in fields(self)})
+
+    def __add__(self, other: Light) -> Light:
+        return Light(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+
+    def __mul__(self, factor: float) -> Light:
+        return self.each(lambda a: factor * a)
+
+    def over(self, pixels: Floats, boxes: Floats | float) -> Light:
+        """Return it with the light on pixels and boxes divided, and the fluxes as they are."""
+        return replace(self, pixels=self.pixels / pixels, boxes=self.boxes / boxes)
 
 
 @dataclass(frozen=True, eq=False)
 class LightEstimate:
-    """Light in the target plane.
+    """Independent, unbiased measurements of the same light.
 
-    irradiance : (rows, columns), W/mm^2.
-    noise : of it, (rows, columns), as a standard deviation: independent in every pixel, another every time.
-    drift : (rows, columns), or 0: what finer cells would add to it, about.
-    on_target, off_target : W in the target plane, on the screen and beside it.
-    off_error : of the latter, as a standard deviation.
-    axes : 0 for x and 1 for y, of directions in which its error is its own mirror image.
+    draws : with a leading axis of R replicates; 1 of light that is the same every time.
+    drift : what finer cells would add to all of them, about.
     """
 
-    irradiance: Floats
-    noise: Floats
-    on_target: float
-    off_target: float
-    off_error: float = 0.0
-    axes: tuple[int, ...] = ()
-    drift: Floats | float = 0.0
+    draws: Light
+    drift: Light
+
+    @classmethod
+    def of_replicates(cls, draws: Iterable[Light]) -> LightEstimate:
+        """Return the estimate by replicates without a drift."""
+        sets = list(draws)
+        stacked = Light(**{f.name: np.stack([getattr(s, f.name) for s in sets]) for f in fields(Light)})
+        return cls(stacked, sets[0].each(np.zeros_like))
+
+    @classmethod
+    def exact(cls, light: Light, drift: Light | None = None) -> LightEstimate:
+        """Return light that is the same every time."""
+        return cls(light.each(lambda a: a[None]), drift or light.each(np.zeros_like))
+
+    @property
+    def count(self) -> int:
+        """The number R of replicates."""
+        return len(self.draws.on)
+
+    @cached_property
+    def mean(self) -> Light:
+        """The mean of all replicates."""
+        return self.draws.each(lambda a: np.asarray(a.mean(axis=0)))
+
+    @property
+    def irradiance(self) -> Floats:
+        """Of the mean, (rows, columns)."""
+        return self.mean.pixels
+
+    @property
+    def on_target(self) -> float:
+        return float(self.mean.on)
+
+    @property
+    def off_target(self) -> float:
+        return float(self.mean.off)
 
     @property
     def error(self) -> Floats:
-        """Of the irradiance, noise and drift together, (rows, columns), as a standard deviation."""
-        return np.hypot(self.noise, self.drift)
-
-    @classmethod
-    def of_replicates(
-        cls, replicates: Iterable[tuple[Floats, float, float]], axes: tuple[int, ...] = ()
-    ) -> LightEstimate:
-        """Return the mean of independent estimates (irradiance, on_target, off_target) of the same light.
-
-        The error of the mean of R images is their standard deviation / sqrt(R).  At least two are needed.
-        """
-        count, mean, squares, on, besides = 0, np.zeros(()), np.zeros(()), 0.0, list[float]()
-        for image, onto, beside in replicates:  # Welford's recurrence: one image at a time is kept
-            count += 1
-            before = image - mean
-            mean = mean + before / count
-            squares = squares + before * (image - mean)
-            on += onto
-            besides.append(beside)
-        off, spread = float(np.mean(besides)), float(np.std(besides, ddof=1)) / sqrt(count)
-        return cls(mean, np.sqrt(squares / (count * (count - 1))), on / count, off, spread, axes)
+        """Of the irradiance, (rows, columns), as a standard deviation."""
+        return np.hypot(standard_error(self.draws.pixels), self.drift.pixels)
 
     def __add__(self, other: LightEstimate) -> LightEstimate:
-        """Return the sum of two independent estimates."""
-        return LightEstimate(
-            self.irradiance + other.irradiance,
-            np.hypot(self.noise, other.noise),
-            self.on_target + other.on_target,
-            self.off_target + other.off_target,
-            float(np.hypot(self.off_error, other.off_error)),
-            tuple(sorted({*self.axes, *other.axes})),
-            self.drift + other.drift,
-        )
+        """Return the sum of estimates: replicate by replicate, of independent draws as of the same."""
+        return LightEstimate(self.draws + other.draws, self.drift + other.drift)
+
+    def __mul__(self, factor: float) -> LightEstimate:
+        return LightEstimate(self.draws * factor, self.drift * factor)
+
+    def over(self, pixels: Floats, boxes: Floats | float = 1.0) -> LightEstimate:
+        """Return it with the light on pixels and boxes divided by functions of them."""
+        return LightEstimate(self.draws.over(pixels, boxes), self.drift.over(pixels, boxes))
 
     def finer(self, screen: Screen) -> LightEstimate:
-        """Return it on a screen of the same size with a multiple of the pixels in each direction.
-
-        Errors are larger by that multiple: a mean over as many pixels as came from one has its error again.
-        """
+        """Return it on a screen of the same size with a multiple of the pixels in each direction."""
         times = screen.shape[0] // self.irradiance.shape[0]
-        whole = np.ones((times, times))
-        numbers = self.irradiance, times * self.noise, times * self.drift * np.ones_like(self.irradiance)
-        image, noise, drift = (np.asarray(np.kron(a, whole), np.float64) for a in numbers)
-        return replace(self, irradiance=image, noise=noise, drift=drift)
 
-    def over(self, projection: Floats) -> LightEstimate:
-        """Return it with irradiance, noise and drift divided by a function of the pixels, (rows, columns)."""
-        over = {name: getattr(self, name) / projection for name in ("irradiance", "noise", "drift")}
-        return replace(self, **over)
+        def repeated(light: Light) -> Light:
+            pixels = light.pixels.repeat(times, axis=-2).repeat(times, axis=-1)
+            return replace(light, pixels=pixels)
+
+        return LightEstimate(repeated(self.draws), repeated(self.drift))
+
+    def grouped(self, count: int) -> LightEstimate:
+        """Return it with a part of the replicates, each the mean of as many as fall to it."""
+        draws = self.draws.each(lambda a: a.reshape(count, -1, *a.shape[1:]).mean(axis=1))
+        return replace(self, draws=draws)
+
+    @property
+    def drifted(self) -> Iterable[Floats]:
+        """The irradiance with the drift in each of the ways of `drift_signs`."""
+        return (self.irradiance + signs * self.drift.pixels for signs in drift_signs(self.irradiance.shape))
+
+    def error_of(self, value: Callable[[Floats], float]) -> float:
+        """Return the standard deviation of a function of the irradiance, (rows, columns): the jackknife's,
+        and what the drift changes."""
+        total, images = self.draws.pixels.sum(axis=0), self.draws.pixels
+        rest = max(self.count - 1, 1)
+        noise = jackknife_error(self.count, lambda r: value((total - images[r]) / rest))
+        if not self.drift.pixels.any():
+            return noise
+        return hypot(noise, drift_error(value(self.irradiance), [value(image) for image in self.drifted]))
 
     def error_of_sum(self, weights: Floats | Bools) -> float:
-        """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns).
+        """Return the standard deviation of a weighted sum of the irradiance.  weights : (rows, columns)."""
+        chosen = np.asarray(weights, np.float64)
+        sums = np.tensordot(self.draws.pixels, chosen, 2)
+        drifts = [float(np.sum(signs * self.drift.pixels * chosen)) for signs in drift_signs(chosen.shape)]
+        return hypot(float(standard_error(sums)), drift_error(0.0, drifts))
 
-        Of pixel errors s_i that n images share, and that are independent else, it is
-        sqrt(sum_i v_i^2 s_i^2 / n) with the sums v_i of the weights of a pixel's images.  The sum of a drift
-        adds to it.
-        """
-        own = np.asarray(weights, np.float64)
-        summed = with_mirror_images(own, self.axes)
-        independent = float(np.linalg.norm(summed * self.error)) / sqrt(2 ** len(self.axes))
-        return hypot(independent, float(np.sum(own * self.drift)))
+    @property
+    def error_of_on_target(self) -> float:
+        return hypot(float(standard_error(self.draws.on)), float(self.drift.on))
 
-    def error_of_rel_l2(self, target: Floats) -> dict[str, float | None]:
+    @property
+    def error_of_off_target(self) -> float:
+        return hypot(float(standard_error(self.draws.off)), float(self.drift.off))
+
+    def error_of_rel_l2(self, target: Floats) -> dict[str, float]:
         """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
 
-        rel_l2_floor : f, the L2 norm of E's error, relative to T.
-        rel_l2_debiased : sqrt(rel_l2^2 - g^2), or 0, with the norm g of the noise alone, which adds g^2 to
-            rel_l2^2 on average.  A drift adds nothing of the kind: it goes with the residual.
-        rel_l2_error : the standard deviation of that, at most f.  With the residual r = E - T and pixel
-            errors s_i, independent of each other, the variance of ||r||^2 is sum_i (4 r_i^2 - 2 s_i^2) s_i^2;
-            where n images share errors, sum_i (4 R_i^2 / n - 2 n s_i^2) s_i^2 with R_i summed over images.
-            The second terms are of noise alone.  A drift d adds to the standard deviation: it moves ||r||^2
-            by 2 (r, d) + ||d||^2, where only its size is certain.
+        rel_l2_floor : the L2 norm of E's error, relative to T.
+        rel_l2_debiased : rel_l2 without what noise adds to it: the mean of (E_r - T, E_s - T) over replicates
+            r != s, see `unbiased_square`.
+        rel_l2_error : the standard deviation of that, and what the drift changes, at most.
         """
         norm = float(np.linalg.norm(target) / target.mean())
-        scale = self.irradiance.mean()
-        if scale <= 0:
+        if self.irradiance.mean() <= 0:
             return {"rel_l2_floor": 0.0, "rel_l2_debiased": 1.0, "rel_l2_error": 0.0}
-        residual = self.irradiance / scale - target / target.mean()
-        noise, drift = (a / scale * np.ones_like(residual) for a in (self.noise, self.drift))
-        floor = float(np.linalg.norm(np.hypot(noise, drift))) / norm
-        debiased = sqrt(max(float(np.sum(residual**2 - noise**2)), 0.0)) / norm
-        summed, images = with_mirror_images(residual, self.axes), 2 ** len(self.axes)
-        variance = float(np.sum(4 * summed**2 / images * (noise**2 + drift**2) - 2 * images * noise**4))
-        known = 2 * abs(float(np.sum(residual * drift))) + float(np.sum(drift**2))
-        spread = sqrt(max(variance, 0.0) + known**2) / norm**2 / 2
-        return {
-            "rel_l2_floor": floor,
-            "rel_l2_debiased": debiased,
-            "rel_l2_error": min(spread / debiased, floor) if debiased else floor,
-        }
+        goal = target / target.mean()
+        draws = self.draws.pixels.reshape(self.count, -1)
+        means = draws.mean(axis=1, keepdims=True)
+        residuals = draws / (means if (means > 0).all() else draws.mean()) - goal.ravel()
+        square, variance = unbiased_square(residuals / norm)
+        debiased = sqrt(max(square, 0.0))
+        error = root_error(square, variance)
+        if self.drift.pixels.any():
+            plain = float(np.linalg.norm(self.irradiance / self.irradiance.mean() - goal)) / norm
+            changed = [float(np.linalg.norm(e / e.mean() - goal)) / norm for e in self.drifted]
+            error = hypot(error, drift_error(plain, changed))
+        floor = float(np.linalg.norm(self.error)) / float(self.irradiance.mean()) / norm
+        return {"rel_l2_floor": floor, "rel_l2_debiased": debiased, "rel_l2_error": error}

@@ -15,7 +15,7 @@ whose error is what no shift explains (a control variate).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, cos, log1p, pi, sin, sqrt
 from operator import add
@@ -25,8 +25,8 @@ from scipy.ndimage import convolve1d
 
 from optics.base.runtime import Backend
 from optics.light.analysis.border_triangles import Borders
-from optics.light.analysis.light_estimate import LightEstimate
-from optics.light.analysis.light_of_cells import cell_irradiance
+from optics.light.analysis.light_estimate import REPLICATES, Light, LightEstimate
+from optics.light.analysis.light_of_cells import cell_irradiance, images_of_cells
 from optics.light.blur import Blur, LandingShifts, blur_of
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath, SlopeErrors
@@ -34,10 +34,9 @@ from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
-REPLICATES = 4  # independent sets of samples: their differences tell the error
-# samples of a set: of one quantity that spreads a sunflower, which is turned by quarters so that symmetric
-# light stays symmetric; of several Sobol points in all their dimensions
-SUNFLOWER, SEVERAL = 4, 16
+# samples of a replicate: of one quantity that spreads a sunflower, which is turned by quarters so that
+# symmetric light stays symmetric; of several Sobol points in all their dimensions
+SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
@@ -51,27 +50,31 @@ GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
 
 def beam_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance along a path, W/mm^2, flux by fate).
 
+    Noise may leave dark pixels a little less than no light.
+
     system : whose beam diverges, or whose surfaces are rough.  backend : of double precision.
+    boxes : a second screen, on which the same light is measured.
 
     Raises UserError : see `Blur.widened`.
     """
     counts = _beam_cells(screen)
     rest = _Rest.of(system, path, screen, backend)
+    screens = [screen] if boxes is None else [screen, boxes]
     fates: list[SequentialFates] = []
     rng = np.random.default_rng(system.problem.run.seed)
     spread = np.flatnonzero([system.source.diverging, *map(bool, system.slope_rms)])
 
-    def replicates() -> Iterator[tuple[Floats, float, float]]:
+    def replicates() -> Iterator[Light]:
         for _ in range(REPLICATES):
             samples = [_sample(system, dict(zip(spread, row))) for row in _disk_points(len(spread), rng)]
             parts = [
-                cell_irradiance(
+                images_of_cells(
                     path.with_slope_errors(s.errors),
-                    screen,
+                    screens,
                     system.source.cells(counts, direction=s.direction),
                     backend,
                     BORDERS,
@@ -80,17 +83,15 @@ def beam_irradiance(
             ]
             by_fate = reduce(add, (part for _, part in parts)) / len(parts)
             fates.append(by_fate)
-            image = reduce(add, (image for image, _ in parts)) / len(parts) + rest.beside(samples)
-            on_target = float(image.sum()) * screen.pixel_area
-            yield image, on_target, by_fate.transmitted - on_target
+            means = [reduce(add, images) / len(parts) for images in zip(*(images for images, _ in parts))]
+            images = [mean + rest for mean, rest in zip(means, rest.on(screens, samples))]
+            on_target = float(images[0].sum()) * screen.pixel_area
+            yield Light.of(images, on_target, by_fate.transmitted - on_target)
 
     light = LightEstimate.of_replicates(replicates())
     arriving = reduce(add, fates) / REPLICATES
     on = min(light.on_target, arriving.transmitted)  # noise takes no more than there is
-    off = arriving.transmitted - on
-    irradiance = np.maximum(light.irradiance, 0.0)  # noise of dark pixels, whose flux is taken from all
-    irradiance *= on / (float(irradiance.sum()) * screen.pixel_area or 1.0)
-    return LightEstimate(irradiance, light.noise, on, off, light.off_error), arriving.landing(on, off)
+    return light, arriving.landing(on, arriving.transmitted - on)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,16 +135,16 @@ class _Rest:
         coarse, _ = cell_irradiance(path, wide, beam, backend, BORDERS)
         return cls(blur.convolution(wide, fine.shape)(fine), coarse, blur, screen)
 
-    def beside(self, samples: Sequence[_Sample]) -> Floats:
-        """Return k * S - k_N * S_N on the screen."""
+    def on(self, screens: Sequence[Screen], samples: Sequence[_Sample]) -> list[Floats]:
+        """Return k * S - k_N * S_N on screens."""
         shifts = np.array([sample.shift(self.blur.shifts) for sample in samples])
         rest = self.blurred - self.blur.sampled(self.coarse, self.screen.finer(FINER), shifts)
         for axis in (0, 1):  # shifts of a sharp edge ring at the pixels' own frequency
             rest = convolve1d(rest, STILL, axis)
-        rows, columns = (n // FINER for n in rest.shape)
-        rest = rest.reshape(rows, FINER, columns, FINER).mean(axis=(1, 3))
-        margin = (rows - self.screen.shape[0]) // 2
-        return rest[margin : rows - margin, margin : columns - margin]
+        rows, columns = rest.shape
+        (width, height), (hx, hy) = self.screen.pitch, (columns / FINER / 2, rows / FINER / 2)
+        wide = replace(self.screen, half_width=(width * hx, height * hy), pixels=(columns, rows))
+        return [screen.means_of(rest, wide) for screen in screens]
 
 
 def _beam_cells(screen: Screen) -> list[int]:

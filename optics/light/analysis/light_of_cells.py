@@ -27,7 +27,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, DrArray
 from optics.light.analysis.border_triangles import FINEST, Borders, border_triangles, shared_flux
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.light.measuring import MappedCells, Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
@@ -52,9 +52,9 @@ Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """Irradiance, flat as Dr.Jit has it, flux by fate, and which cells are cut, (nx, ny) bool."""
+    """Irradiance of all screens, flat as Dr.Jit has it, flux by fate, and cells that are cut, (nx, ny)."""
 
-    image: Floats
+    images: Floats
     fates: SequentialFates
     cut: Bools
 
@@ -69,10 +69,10 @@ def cut_cells(arrives: Bools, emitted: Floats, least: float = 0.0) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _CellTracer:
-    """Cells are traced with their corners, to a screen."""
+    """Cells are traced with their corners, to screens."""
 
     trace: Trace
-    screen: Screen
+    screens: Sequence[Screen]
     backend: Backend
     borders: Borders
 
@@ -89,17 +89,24 @@ class _CellTracer:
             emitted = np.where(cut, 0.0, emitted)
             whole, every = corner_flux(emitted).ravel(), rays.flux.ravel()
             weights = self.backend.array(np.divide(whole, every, out=np.zeros_like(every), where=every > 0))
-        cells = MappedCells(self.backend, self.screen, emitted, rays.flux, turned)
+        images = []
         with self.backend.dr.suspend_grad():
-            image = cells(landing.x, landing.y, landing.flux, arrives).numpy()
-        return _Light(image, tracer.fates(landing, self.screen.half_width, weights), cut)
+            for screen in self.screens:
+                cells = MappedCells(self.backend, screen, emitted, rays.flux, turned)
+                images.append(cells(landing.x, landing.y, landing.flux, arrives).numpy())
+        fates = tracer.fates(landing, self.screens[0].half_width, weights)
+        return _Light(np.concatenate(images), fates, cut)
 
     def points(self, rays: Rays) -> _Light:
         """Return the light of rays where they land."""
         tracer, landing, _ = self._trace(rays)
         with self.backend.dr.suspend_grad():
-            image = Splat(self.backend, self.screen, BoxWindow())(landing.x, landing.y, landing.flux).numpy()
-        return _Light(image, tracer.fates(landing, self.screen.half_width), np.zeros((0, 0), dtype=bool))
+            images = [
+                Splat(self.backend, screen, BoxWindow())(landing.x, landing.y, landing.flux).numpy()
+                for screen in self.screens
+            ]
+        fates = tracer.fates(landing, self.screens[0].half_width)
+        return _Light(np.concatenate(images), fates, np.zeros((0, 0), dtype=bool))
 
     def arrive(self, rays: Rays) -> Bools:
         """Return which rays arrive, (n,)."""
@@ -115,27 +122,36 @@ class _CellTracer:
 
 
 def grid_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
 ) -> tuple[LightEstimate, SequentialFates]:
-    """Return (extrapolated irradiance along a path, flux by fate of the finest grid)."""
+    """Return (extrapolated irradiance along a path, flux by fate of the finest grid).
+
+    boxes : a second screen, on which the same light is measured.
+    """
     spans = [0, 0]
     for sag in path.sags:
         embedding = sag.space.embedding
         spans = [max(n, kv.dim - kv.degree) for n, kv in zip(spans, (embedding.kv_u, embedding.kv_v))]
     counts = [_cells(*pair) for pair in zip(screen.pixels, spans)]
     grids = [_grid([n / COARSER**k for n in counts], system.source.kinked) for k in range(3)]
+    screens = [screen] if boxes is None else [screen, boxes]
     traced = [
-        cell_irradiance(path, screen, system.source.cells(grid), backend, FINEST.coarser(COARSER**k))
+        images_of_cells(path, screens, system.source.cells(grid), backend, FINEST.coarser(COARSER**k))
         for k, grid in enumerate(grids)
     ]
-    images, (fates, coarse, _) = zip(*traced)
+    every, (fates, coarse, _) = zip(*traced)
     ratios = [prod(finer) / prod(grid) for finer, grid in pairwise(grids)]
-    light, coarser = (extrapolated(*pair, ratio) for pair, ratio in zip(pairwise(images), ratios))
-    drift = (light - coarser) / _excess(ratios[0] ** ORDER)
-    # which is not extrapolated: light keeps its flux
-    off_error = abs(coarse.off_target - fates.off_target) / (ratios[0] - 1)
-    none = np.zeros_like(light)  # cells are the same every time
-    return LightEstimate(light, none, fates.on_target, fates.off_target, off_error, drift=drift), fates
+    lights, drifts = [], []
+    for k, images in enumerate(zip(*every)):
+        pairs = zip(pairwise(images), ratios)
+        finest, coarser = (extrapolated(*pair, ratio, keeps_flux=k == 0) for pair, ratio in pairs)
+        lights.append(finest)
+        drifts.append((finest - coarser) / _excess(ratios[0] ** ORDER))
+    # fluxes are not extrapolated: light keeps them
+    changes = coarse.on_target - fates.on_target, coarse.off_target - fates.off_target
+    on, off = (change / (ratios[0] - 1) for change in changes)
+    light = Light.of(lights, fates.on_target, fates.off_target)
+    return LightEstimate.exact(light, Light.of(drifts, on, off)), fates
 
 
 def _grid(counts: Sequence[float], kinked: bool) -> list[int]:
@@ -155,13 +171,13 @@ def _cells(pixels: int, spans: int) -> int:
     return min(max(cheap, CELLS_PER_PIXEL * pixels, CELLS_PER_SPAN * spans), most)
 
 
-def extrapolated(fine: Floats, coarse: Floats, ratio: float) -> Floats:
+def extrapolated(fine: Floats, coarse: Floats, ratio: float, keeps_flux: bool = True) -> Floats:
     """Return Richardson's extrapolation of two grids' images, nowhere negative, with the flux of the finer.
 
-    ratio : of the numbers of their cells.
+    ratio : of the numbers of their cells.  keeps_flux : of an image from whose screen no light is cut off.
     """
     light = np.maximum(fine + (fine - coarse) / (ratio - 1), 0.0)
-    return light * (fine.sum() / (light.sum() or 1.0))
+    return light * (fine.sum() / (light.sum() or 1.0)) if keeps_flux else light
 
 
 def _excess(ratio: float) -> float:
@@ -193,6 +209,18 @@ def cell_irradiance(
 
     backend : of double precision.
     """
+    (image,), fates = images_of_cells(path, [screen], cells, backend, borders)
+    return image, fates
+
+
+def images_of_cells(
+    path: LightPath,
+    screens: Sequence[Screen],
+    cells: SourceCells,
+    backend: Backend,
+    borders: Borders = FINEST,
+) -> tuple[list[Floats], SequentialFates]:
+    """Return what `cell_irradiance` does of several screens; fates are those of the first."""
     of_points: Tracer | None = None
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:
@@ -204,26 +232,26 @@ def cell_irradiance(
             of_points = tracer
         return tracer, tracer.landed()
 
-    return traced_cells(trace, screen, cells, backend, borders=borders)
+    return traced_cells(trace, screens, cells, backend, borders=borders)
 
 
 def traced_cells(
     trace: Trace,
-    screen: Screen,
+    screens: Sequence[Screen],
     cells: SourceCells,
     backend: Backend,
     at_once: int | None = None,
     borders: Borders = FINEST,
-) -> tuple[Floats, SequentialFates]:
-    """Return what `cell_irradiance` does, of light that is traced in any way.
+) -> tuple[list[Floats], SequentialFates]:
+    """Return what `images_of_cells` does, of light that is traced in any way.
 
-    trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the screen.
+    trace : called with rays, returns their Tracer, which knows the fates, and the Landing on the receiver.
     at_once : corners that are in memory together, about; None leaves it to the program.
     """
-    tracer = _CellTracer(trace, screen, backend, borders)
+    tracer = _CellTracer(trace, screens, backend, borders)
     rounding = EPS * float(cells.emitted.sum())  # what exact shares of a round beam leave beside it
     parts, pieces = [], []
-    usual = max(CORNERS_AT_ONCE, prod(screen.pixels) // PIXELS_TO_A_CORNER)
+    usual = max(CORNERS_AT_ONCE, prod(screens[0].pixels) // PIXELS_TO_A_CORNER)
     for strip in cells.slices(at_once or usual):
         part = tracer.light(strip.rays(), strip.emitted, strip.turned, rounding)
         parts.append(part)
@@ -237,10 +265,12 @@ def traced_cells(
         parts.append(part)
     if rest.size:
         parts.extend(_along_border(tracer, cells, rest))
-    image = reduce(add, (part.image for part in parts)).reshape(screen.shape, order="F")
+    flat = reduce(add, (part.images for part in parts))
+    ends = np.cumsum([prod(screen.pixels) for screen in screens])
+    images = [one.reshape(screen.shape, order="F") for one, screen in zip(np.split(flat, ends[:-1]), screens)]
     fates = reduce(add, (part.fates for part in parts))
-    on_target = min(float(image.sum()) * screen.pixel_area, fates.transmitted)
-    return image, fates.landing(on_target, fates.transmitted - on_target)
+    on_target = min(float(images[0].sum()) * screens[0].pixel_area, fates.transmitted)
+    return images, fates.landing(on_target, fates.transmitted - on_target)
 
 
 def _split(tracer: _CellTracer, cells: SourceCells, pieces: Floats) -> tuple[_Light, Floats]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import REPLICATES, Light, LightEstimate
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
@@ -24,7 +24,6 @@ from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
-REPLICATES = 8
 RAYS_PER_PIXEL = 240  # of all replicates together
 LEAST_PER_PIXEL, MOST_RAYS = 18, 1 << 25  # on large screens: so many per pixel, or so many in all
 RAYS_AT_ONCE = 1 << 19  # more only take more memory
@@ -37,24 +36,28 @@ def ray_irradiance(
     backend: Backend,
     count: int | None = None,
     axes: Sequence[int] = (),
+    boxes: Screen | None = None,
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance in box pixels along a path, W/mm^2, mean flux by fate).
 
     system : whose source shines, and whose surfaces are rough.  count : of rays; None is `ray_count`.
+    boxes : a second screen, on which the same light is measured.
     axes : directions in which the light is its own mirror image, see `light_axes`: one half of it is traced.
     """
     side = isqrt((count or ray_count(screen)) // REPLICATES) + 1
     rng = np.random.default_rng(system.problem.run.seed)
     fates: list[SequentialFates] = []
+    screens = [screen] if boxes is None else [screen, boxes]
 
-    def replicates() -> Iterator[tuple[Floats, float, float]]:
+    def replicates() -> Iterator[Light]:
         for parts in system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE):
             half = (mirror_half(part, axes) if isinstance(part, Rays) else part for part in parts)
-            image, by_fate = light_of_parts(path, system.slope_rms, screen, half, rng, backend)
+            images, by_fate = light_of_parts(path, system.slope_rms, screens, half, rng, backend)
             fates.append(by_fate * 2 ** len(axes))
-            yield with_mirror_images(image, axes), fates[-1].on_target, fates[-1].off_target
+            whole = [with_mirror_images(image, axes) for image in images]
+            yield Light.of(whole, fates[-1].on_target, fates[-1].off_target)
 
-    light = LightEstimate.of_replicates(replicates(), tuple(axes))
+    light = LightEstimate.of_replicates(replicates())
     return light, reduce(add, fates) / REPLICATES
 
 
@@ -85,22 +88,23 @@ def ray_numbers(source: LightSource, screen: Screen, wanted: int) -> dict[str, A
 def light_of_parts(
     path: LightPath,
     slope_rms: Sequence[float],
-    screen: Screen,
+    screens: Sequence[Screen],
     parts: Iterator[RayGrid | Rays],
     fresh: np.random.Generator,
     backend: Backend,
-) -> tuple[Floats, SequentialFates]:
-    """Return (irradiance (rows, columns), flux by fate) of rays, traced in parts.
+) -> tuple[list[Floats], SequentialFates]:
+    """Return (irradiance of every screen, (rows, columns), flux by fate) of rays, traced in parts.
 
-    slope_rms, fresh : as of `traced_parts`.
+    slope_rms, fresh : as of `traced_parts`.  Fates are those of the first screen.
     """
-    splat = Splat(backend, screen, BoxWindow())
-    image: DrArray = 0.0
+    splats = [Splat(backend, screen, BoxWindow()) for screen in screens]
+    images: list[DrArray] = [0.0] * len(screens)
     fates = []
     for tracer, landing in traced_parts(path, slope_rms, parts, fresh, backend):
-        image = image + splat(landing.x, landing.y, landing.flux)
-        fates.append(tracer.fates(landing, screen.half_width))
-    return image.numpy().reshape(screen.shape, order="F"), reduce(add, fates)
+        images = [image + splat(landing.x, landing.y, landing.flux) for image, splat in zip(images, splats)]
+        fates.append(tracer.fates(landing, screens[0].half_width))
+    shaped = [image.numpy().reshape(s.shape, order="F") for image, s in zip(images, screens)]
+    return shaped, reduce(add, fates)
 
 
 def traced_parts(

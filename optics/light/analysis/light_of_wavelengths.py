@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from typing import Any
@@ -53,7 +53,7 @@ def light_of_plate(
     in the far field that of one.
 
     path : through one lens.  estimate : as of `spectral_light`.  alone : in the source's own wavelength.
-    Errors of several lenses count as if they were the same.
+    The same rays are traced through each.
     """
     paths = [path.onto(receiver) for receiver in system.seen_receivers]
     if alone:
@@ -62,8 +62,7 @@ def light_of_plate(
         parts = [spectral_light(system, way, screen, backend, estimate) for way in paths]
     if len(parts) == 1:
         return parts[0]
-    numbers = [f.name for f in fields(LightEstimate) if f.name != "axes"]  # a plate is measured whole
-    mean = LightEstimate(**{n: np.mean([getattr(p.estimate, n) for p in parts], axis=0) for n in numbers})
+    mean = reduce(add, (part.estimate for part in parts)) * (1 / len(parts))
     colours = [part.colour for part in parts if part.colour is not None]
     fates = reduce(add, (part.fates for part in parts)) / len(parts)
     return SpectralLight(mean, fates, np.mean(colours, axis=0) if colours else None)
@@ -81,26 +80,22 @@ def spectral_light(
 ) -> SpectralLight:
     """Return the light along a path in all of the source's wavelengths.
 
-    Errors of wavelengths add up, since the same rays or cells are traced at each.
+    The same rays or cells are traced at each.
 
     estimate : of light of one wavelength.  backend : of double precision.
     """
     if not system.spectral:
         return SpectralLight(*estimate(system, path, screen, backend), None)
-    image, noise, drift = np.zeros((3, *screen.shape))
     colour = np.zeros((3, *screen.shape))
-    fates, on, off, off_error, axes = [], 0.0, 0.0, 0.0, tuple[int, ...]()
+    whole, fates = None, []
     for wavelength in system.wavelengths:
         light, by_fate = estimate(system, path.in_media(wavelength.media), screen, backend)
-        image += wavelength.weight * light.irradiance
-        noise += wavelength.weight * light.noise
-        drift += wavelength.weight * light.drift
         colour += np.multiply.outer(wavelength.weight * np.array(wavelength.xyz), light.irradiance)
-        on, off = on + wavelength.weight * light.on_target, off + wavelength.weight * light.off_target
-        off_error, axes = off_error + wavelength.weight * light.off_error, light.axes
+        part = light * wavelength.weight
+        whole = whole + part if whole else part
         fates.append(by_fate * wavelength.weight)
-    light = LightEstimate(image, noise, on, off, off_error, axes, drift)
-    return SpectralLight(light, reduce(add, fates), colour)
+    assert whole is not None, "a spectrum has wavelengths"
+    return SpectralLight(whole, reduce(add, fates), colour)
 
 
 def colour_metrics(

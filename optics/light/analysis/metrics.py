@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from math import hypot
 from operator import add
 from typing import Any
 
@@ -17,14 +18,22 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis.closed_lens_light import OtherLight
-from optics.light.analysis.judgement import Verdict, delivery_checks, judged
-from optics.light.analysis.light_by_all_ways import all_light, estimate_of, estimator_of, more_rays
+from optics.light.analysis.judgement import (
+    Verdict,
+    delivery_checks,
+    judged,
+    rays_to_decide,
+    uniformity_checks,
+)
+from optics.light.analysis.light_by_all_ways import AllLight, all_light, estimate_of, estimator_of
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.analysis.light_of_cells import grid_irradiance
 from optics.light.analysis.light_of_rays import ray_count, ray_numbers
 from optics.light.analysis.light_of_wavelengths import colour_metrics, light_of_plate, spectral_light
 from optics.light.analysis.photometric_metrics import (
     beam_metrics,
+    box_screen,
+    per_area,
     photometric_metrics,
     uniformity_metrics,
     zone_metrics,
@@ -37,6 +46,9 @@ from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
+METRICS_VERSION = 2  # of the numbers in metrics.json; results without one are of the first
+MOST_MORE = 4.0  # times the usual rays, which a measurement takes to decide on a limit
+SURER = 1.2  # times the rays that the errors of the first ones ask for
 FLAT = 1e-9  # of the norm: what varies less has no contrast
 DARK = 0.01  # of the greatest irradiance: what counts as dark
 
@@ -86,18 +98,20 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     system = system.with_all_sources
     screen, path, estimator = system.target.screen(), system.shaded_path(lens), estimator_of(system)
     blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
-    found = all_light(system, lens, screen, backend)
-    if (more := more_rays(system, found, screen, blur)) > 1:
-        found = all_light(system, lens, screen, backend, more)
+    boxes, shown = box_screen(system), screen.projection()  # in the far field intensities are compared
+    found = all_light(system, lens, screen, backend, boxes=boxes)
+    if (more := _more_rays(system, found, screen, boxes, blur)) > 1:
+        found = all_light(system, lens, screen, backend, more, boxes)
     light, direct, fates = found.light, found.direct.estimate, found.direct.fates
-    shown = screen.projection()  # in the far field intensities are compared
+    seen = per_area(light, screen, boxes)
     # a target at any scale is compared, also with no light
     target = system.target.irradiance(screen, light.on_target + light.off_target or 1.0) / shown
-    irradiance, flux = light.irradiance / shown, system.problem.flux
-    metrics = compare(irradiance, target)
-    metrics |= light.over(shown).error_of_rel_l2(target)
+    irradiance, flux = seen.irradiance, system.problem.flux
+    metrics: dict[str, Any] = {"version": METRICS_VERSION}
+    metrics |= compare(irradiance, target)
+    metrics |= seen.error_of_rel_l2(target)
     metrics |= contrast_error(metrics, target) if system.target.as_picture else {}
-    sequential = direct.over(shown).error_of_rel_l2(target)
+    sequential = per_area(direct, screen).error_of_rel_l2(target)
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
     metrics["paths"] = "all" if found.all_ways else "sequential"
@@ -107,13 +121,15 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     if estimator == "rays":
         metrics |= ray_numbers(system.source, screen, found.rays)
     metrics["efficiency"] = light.on_target / flux
+    metrics["efficiency_error"] = light.error_of_on_target / flux
     metrics["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
-    lit_error = max(screen.pixel_area * light.error_of_sum(target > 0), light.off_error)
+    lit_error = hypot(screen.pixel_area * light.error_of_sum(target > 0), float(light.drift.on))
     metrics["lit_efficiency_error"] = lit_error / flux
-    # beside the target the light of other ways counts where it is known, however little falls on it
-    metrics["stray"] = max(found.everywhere.off_target, 0.0) / flux
-    metrics["stray_error"] = found.everywhere.off_error / flux
-    metrics |= photometric_metrics(system, screen, light.over(shown), blur)
+    # outside the target the light of other ways counts where it is known, however little falls on it
+    stray, stray_error = found.off_target
+    metrics["stray"] = max(stray, 0.0) / flux
+    metrics["stray_error"] = stray_error / flux
+    metrics |= photometric_metrics(system, screen, seen, blur)
     metrics |= _zones(system, path, lens, light, found.added, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if found.past and found.past.missed:
@@ -132,6 +148,18 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
+
+
+def _more_rays(
+    system: OpticalSystem, found: AllLight, screen: Screen, boxes: Screen | None, blur: float
+) -> float:
+    """Return how many times the rays decide on the limits of uniformity; 1 where these do or where that takes
+    more than MOST_MORE times."""
+    if boxes is None or estimator_of(system) != "rays" or system.source.most_rays <= found.rays:
+        return 1.0
+    seen = {"uniformity": uniformity_metrics(system, per_area(found.light, screen, boxes), blur)}
+    more = max(map(rays_to_decide, uniformity_checks(seen, system.problem.verify)), default=1.0)
+    return min(SURER * more, MOST_MORE) if 1 < more <= MOST_MORE else 1.0
 
 
 def _zones(
@@ -157,8 +185,7 @@ def _zones(
             estimate = partial(estimate, count=max(count, ray_count(screen)))
         light = light_of_plate(system, path, fine, backend, estimate).estimate
         light = reduce(add, (each.finer(fine) for each in added), light)
-    shown = fine.projection()
-    return zone_metrics(system, fine, light.over(shown))
+    return zone_metrics(system, fine, per_area(light, fine))
 
 
 def _by_other_ways(
@@ -234,34 +261,24 @@ def contrast_error(metrics: dict[str, Any], target: Floats) -> dict[str, float |
     }
 
 
-def delivered(
-    system: OpticalSystem,
-    shown_light: Floats,
-    error: Floats | None,
-    on_target: float,
-    off_target: float,
-    blur: float,
-) -> dict[str, Any]:
+def delivered(system: OpticalSystem, light: LightEstimate, blur: float) -> dict[str, Any]:
     """Return the metrics that the verdict needs.
 
-    shown_light, error : as of a Measurement, and as standard deviations, None for none.
-    on_target, off_target : W.  blur : see `optics.light.blur.spot_rms`.
+    light : flux per du dv on the target's pixels and boxes.  blur : see `optics.light.blur.spot_rms`.
     """
     screen, flux = system.target.screen(), system.problem.flux
-    shown = screen.projection()
-    target = system.target.irradiance(screen, 1.0) / shown
-    noise = np.zeros_like(shown_light) if error is None else error
-    light = LightEstimate(shown_light, noise, on_target, off_target)
-    found: dict[str, Any] = dict(light.error_of_rel_l2(target))
-    found |= {"efficiency": on_target / flux, "stray": off_target / flux}
-    found["lit_efficiency"] = _lit(shown_light * shown, target, screen) / flux
-    found |= zone_metrics(system, screen, light)
+    seen = per_area(light, screen, box_screen(system))
+    target = system.target.irradiance(screen, 1.0) / screen.projection()
+    found: dict[str, Any] = dict(seen.error_of_rel_l2(target))
+    found |= {"efficiency": light.on_target / flux, "stray": light.off_target / flux}
+    found["lit_efficiency"] = _lit(light.irradiance, target, screen) / flux
+    found |= zone_metrics(system, screen, seen)
     if system.target.as_picture:
         found |= contrast_error(found, target)
     if system.target.far_field:
-        found["beam"] = beam_metrics(system, screen, shown_light, noise)
+        found["beam"] = beam_metrics(system, screen, seen)
     if system.target.uniform_region is not None:
-        found["uniformity"] = uniformity_metrics(system, shown_light, error, blur)
+        found["uniformity"] = uniformity_metrics(system, seen, blur)
     return found
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from itertools import pairwise
 from math import isfinite, prod, sqrt
 from typing import Any
@@ -13,14 +14,32 @@ from optics.base.runtime import plain_number
 from optics.light.analysis.light_estimate import LightEstimate
 from optics.light.tracing import normal_incidence_transmittance
 from optics.scene.paths import LightPath
-from optics.scene.photometry import BEAM, FIELD, Density, Units, edge_width, plane_curves, uniformity
+from optics.scene.photometry import BEAM, FIELD, BoxGrid, Density, Uniformity, Units, edge_width, plane_curves
 from optics.scene.receivers import FarField, Plane, Screen
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
+BOX_POINTS = 4  # in each direction of a box, at which the area of curved receivers is read
 RATIOS = "min_over_mean", "min_over_max", "rsd"  # of a Uniformity, with their errors
 JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
+
+
+def box_screen(system: OpticalSystem) -> Screen | None:
+    """Return the boxes on which uniformity is judged, as pixels of a screen; None of other light."""
+    return system.target.box_screen(system.problem.verify.grid)
+
+
+def per_area(light: LightEstimate, screen: Screen, boxes: Screen | None = None) -> LightEstimate:
+    """Return light per area of the receiver, in the far field per solid angle.
+
+    light : flux per du dv on a screen's pixels and on the boxes.
+    """
+    if boxes is None:
+        return light.over(screen.projection())
+    of_points = boxes.finer(BOX_POINTS).projection()
+    areas = of_points.reshape(boxes.shape[0], BOX_POINTS, boxes.shape[1], BOX_POINTS).mean(axis=(1, 3))
+    return light.over(screen.projection(), areas)
 
 
 def photometric_metrics(
@@ -28,19 +47,16 @@ def photometric_metrics(
 ) -> dict[str, Any]:
     """Return the mean light on a target plane or the beam of a far field, and how uniform even light is.
 
-    light : its irradiance as of a Measurement.
-    blur : see `optics.light.blur.spot_rms`.
+    light : see `per_area`, on pixels and boxes.  blur : see `optics.light.blur.spot_rms`.
     """
-    density, irradiance = system.density, light.irradiance
+    density = system.density
     if system.target.far_field:
-        found: dict[str, Any] = {"beam": beam_metrics(system, screen, irradiance, light.error)}
+        found: dict[str, Any] = {"beam": beam_metrics(system, screen, light)}
     else:
-        mean = float(np.average(irradiance, weights=screen.projection()))
+        mean = float(np.average(light.irradiance, weights=screen.projection()))
         found = {f"target_mean_{density.suffix}": density.factor * mean}
     if system.target.uniform_region is not None:
-        found["uniformity"] = uniformity_metrics(
-            system, irradiance, light.noise, blur, light.axes, light.drift
-        )
+        found["uniformity"] = uniformity_metrics(system, light, blur)
     return found
 
 
@@ -51,7 +67,7 @@ def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) ->
     """
     target, density, found = system.target, system.density, []
     for row in target.zone_rows(screen):
-        reading = row.reading(light.irradiance, light.noise, light.axes, light.drift)
+        reading = row.reading(light.draws.pixels, light.drift.pixels)
         numbers = {name: density.factor * value for name, value in reading._asdict().items()}
         greatest = numbers["greatest"] if isfinite(reading.greatest) else None
         over = reading.margin * reading.limit / reading.error if reading.error else None
@@ -70,31 +86,22 @@ def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) ->
     return {"zones": found} if found else {}
 
 
-def uniformity_metrics(
-    system: OpticalSystem,
-    irradiance: Floats,
-    noise: Floats | None,
-    blur: float,
-    axes: Sequence[int] = (),
-    drift: Floats | float = 0.0,
-) -> dict[str, Any]:
+def uniformity_metrics(system: OpticalSystem, light: LightEstimate, blur: float) -> dict[str, Any]:
     """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
 
-    irradiance : as of a Measurement.  noise : its standard deviations, (rows, columns); no error is None.
-    blur : as of `photometric_metrics`.  axes, drift : as of a LightEstimate.
+    light, blur : as of `photometric_metrics`.
     """
     target, screen, density = system.target, system.target.screen(), system.density
     if target.uniform_region is None or target.lit_pixels is None:
         raise ValueError("only a target that asks for the same light everywhere has a uniformity")
-    grid = system.problem.verify.grid
-    found = uniformity(irradiance, target.uniform_region, screen.half_width, noise, blur, grid, axes, drift)
+    boxes = BoxGrid(target.uniform_region, system.problem.verify.grid, blur)
+    found, irradiance = boxes.uniformity(light.draws.boxes, light.drift.boxes), light.irradiance
     unit = screen.unit
     half_lit = target.light >= target.light.max() / 2
     lit, areas = target.lit_pixels, np.ones(screen.shape) if screen.angular else screen.projection()
     mean = float(np.average(irradiance[lit], weights=areas[lit])) if lit.any() else 0.0
     return {
         **{key: getattr(found, key) for key in JUDGED},
-        **({"few_pixels": True} if found.few_pixels else {}),
         f"lit_mean_{density.suffix}": density.factor * mean,
         "grid": found.grid,
         f"box_{unit}": list(found.box),
@@ -106,30 +113,46 @@ def uniformity_metrics(
     }
 
 
-def beam_metrics(
-    system: OpticalSystem, screen: Screen, intensity: Floats, error: Floats
-) -> dict[str, float | None]:
+def uniformity_of_pixels(system: OpticalSystem, image: Floats, screen: Screen, blur: float) -> Uniformity:
+    """Return how uniform an image is that is known on pixels alone, as if it were even within each.
+
+    image : per area, (rows, columns) of a screen.  blur : as of `photometric_metrics`.
+    """
+    region, boxes = system.target.uniform_region, box_screen(system)
+    if region is None or boxes is None:
+        raise ValueError("only a target that asks for the same light everywhere has a uniformity")
+    return BoxGrid(region, boxes.pixels[0], blur).uniformity(boxes.means_of(image, screen)[None])
+
+
+def beam_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) -> dict[str, float | None]:
     """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
 
     Where light goes on beyond the target, the angle within the target takes the place of the error.
 
-    intensity, error : (rows, columns); the error as a standard deviation.
+    light : as of `photometric_metrics`.
     """
     density, units = system.density, system.units
-    peak = density.factor * float(intensity.max())
+    peak = density.factor * float(light.irradiance.max())
     found: dict[str, float | None] = {f"peak_{density.suffix}": peak}
     if units.luminous:
         found["peak_cd_per_klm"] = KILO * peak / system.problem.flux
-    curves, errors = (plane_curves(light, *screen.centres) for light in (intensity, error))
     for angle, share in (("beam_angle", BEAM), ("field_angle", FIELD)):
-        for plane, curve in curves.items():
+        for plane, curve in plane_curves(light.irradiance, *screen.centres).items():
             name = f"{angle}_{plane.partition('-')[0].lower()}"
-            found[name] = curve.width(share)
-            if found[name] is None:
+            found[name] = width = curve.width(share)
+            if width is None:
                 found[f"{name}_at_least"] = curve.least_width(share)
-            if found[name] is not None and error.any():
-                found[f"{name}_error"] = curve.error_of_width(share, errors[plane].intensity)
+                continue
+            error = light.error_of(partial(_width, screen, plane, share, width))
+            if error:
+                found[f"{name}_error"] = error
     return found
+
+
+def _width(screen: Screen, plane: str, share: float, known: float, intensity: Floats) -> float:
+    """Return a beam's width in a plane, degrees; one that is known where the intensity has none."""
+    width = plane_curves(intensity, *screen.centres)[plane].width(share)
+    return known if width is None else width
 
 
 def photometric_lines(metrics: dict[str, Any], units: Units) -> list[str]:

@@ -13,9 +13,8 @@ from math import ceil
 
 import numpy as np
 
-from optics.light.analysis import rel_l2
+from optics.light.analysis import rel_l2, uniformity_of_pixels
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening, directions_at
-from optics.scene.photometry import uniformity
 from optics.scene.receivers import Receiver
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -84,11 +83,11 @@ class StepsOnTarget:
         return self._beside(self._relit(grid.luminaire(flux, Opening())))
 
     def _beside(self, light: Floats) -> OnTarget:
-        region, grid = self.system.target.uniform_region, self.system.problem.verify.grid
-        found = region and uniformity(
-            light, region, self.system.target.settings.half_width, blur=self.blur, grid=grid
-        )
-        return OnTarget(rel_l2(light, self.light), found.min_over_mean if found else None)
+        least = None
+        if self.system.target.uniform_region is not None:
+            screen = self.system.target.screen()
+            least = uniformity_of_pixels(self.system, light, screen, self.blur).min_over_mean
+        return OnTarget(rel_l2(light, self.light), least)
 
     def _relit(self, luminaire: Luminaire) -> Floats:
         """Return the mean light on every pixel."""

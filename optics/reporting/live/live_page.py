@@ -16,12 +16,11 @@ import numpy as np
 from optics.base.runtime import ProgressEvent
 from optics.designing.optimisation import Listener, Row, Stage, stage_objective
 from optics.designing.progress import time_words
-from optics.light.analysis import picture_limit
+from optics.light.analysis import picture_limit, uniformity_of_pixels
 from optics.light.blur import spot_rms
 from optics.light.engines import Engine
 from optics.light.measuring import symmetry_axes
 from optics.reporting.report import figures_html, light_pictures, page_head
-from optics.scene.photometry import uniformity
 from optics.scene.receivers import merged
 from optics.scene.system import OpticalSystem
 from thbcad.checks import Floats
@@ -163,7 +162,8 @@ def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engi
     objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
     columns, rows = stage.pixels
     # in the far field intensities are compared
-    shown = replace(stage.screen, pixels=(columns, rows)).projection()
+    seen = replace(stage.screen, pixels=(columns, rows))
+    shown = seen.projection()
     wanted = merged(stage.screen.crop(objective.target), stage.parts) / shown
     image = objective.image([sag.coefficients for sag in system.sags(lens)]) / shown
     name = f"{'' if stage.iterations else 'before '}{stage.name}"
@@ -175,7 +175,7 @@ def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engi
     so_far = [f"{name.capitalize()}: rel_l2 {misfit:.3g} so far{bound}."]
     if region is not None:
         blur = spot_rms(system, lens, system.backend) if system.source.extended or system.blurred else 0.0
-        least = uniformity(image, region, stage.screen.half_width, None, blur, asked.grid).min_over_mean
+        least = uniformity_of_pixels(system, image, seen, blur).min_over_mean
         light = "I_min/I_mean" if stage.screen.angular else "E_min/E_mean"
         if least is not None:
             so_far.append(

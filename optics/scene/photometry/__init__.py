@@ -15,6 +15,6 @@ if TYPE_CHECKING:
     from optics.scene.photometry.reduced_spectra import spectral_lines as spectral_lines, white_of as white_of
     from optics.scene.photometry.regulation_tables import REGULATIONS, regulation
     from optics.scene.photometry.srgb_pictures import encoded_srgb, srgb as srgb
-    from optics.scene.photometry.uniformity_grid import NOISE, uniformity as uniformity
+    from optics.scene.photometry.uniformity_grid import BoxGrid as BoxGrid, Uniformity
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

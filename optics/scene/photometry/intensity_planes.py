@@ -52,20 +52,6 @@ class PlaneCurve:
         bright = np.flatnonzero(self.intensity >= level)
         return float(self.gamma[bright[-1]] - self.gamma[bright[0]])
 
-    def error_of_width(self, share: float, error: Floats) -> float:
-        """Return the standard deviation of a width that is known, degrees: sqrt(sum (s / |dI/dgamma|)^2) over
-        its two ends, with the error s of the intensity, (n,)."""
-        level = share * float(self.intensity.max())
-        bright = np.flatnonzero(self.intensity >= level)
-        ends = (int(bright[0]), int(bright[0]) - 1), (int(bright[-1]), int(bright[-1]) + 1)
-        moves = [
-            max(error[inner], error[outer])
-            * (self.gamma[outer] - self.gamma[inner])
-            / (self.intensity[inner] - self.intensity[outer])
-            for inner, outer in ends
-        ]
-        return float(np.hypot(*moves))
-
     def _crossing(self, outer: int, inner: int, level: float) -> float:
         """Return gamma where the intensity reaches a level between two neighbours."""
         step = (level - self.intensity[outer]) / (self.intensity[inner] - self.intensity[outer])

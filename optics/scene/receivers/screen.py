@@ -17,13 +17,15 @@ class Screen:
 
     pixels : (columns, rows).  margin : dark pixels added on every side, so that light that
     falls beside the target is seen (and charged) too.
-    receiver : whose chart says what u and v are.
+    receiver : whose chart says what u and v are.  centre : (u, v) of the middle, which all of this is
+    relative to.
     """
 
     half_width: tuple[float, float]
     pixels: tuple[int, int]
     margin: int = 0
     receiver: Receiver = Plane()
+    centre: tuple[float, float] = (0.0, 0.0)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -58,20 +60,20 @@ class Screen:
     def centres(self) -> tuple[Floats, Floats]:
         """x of the columns and y of the rows, mm or degrees; y falls."""
         x, y = (h * (2 * np.arange(n) + 1 - n) / n for h, n in zip(self.half_width, self.pixels))
-        return x, -y
+        return self.centre[0] + x, self.centre[1] - y
 
     def projection(self) -> Floats:
         """Return flux per pixel area of a unit picture, (rows, columns): the area over du dv of the receiver.
 
         So pictures are light per mm^2 of a curved screen, and intensities in the far field.
         """
-        u, v = (h * ((2 * np.arange(n) + 1) / n - 1) for h, n in zip(self.half_width, self.pixels))
+        u, v = self.centres
         return np.asarray(self.receiver.area(u[None, :], v[:, None]), dtype=np.float64)
 
     def pixel_map(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return (scale, offset) of column = scale x + offset and of row = scale y + offset."""
-        (px, py), (hx, hy) = self.pitch, self.half_width
-        return (1 / px, hx / px + self.margin), (-1 / py, hy / py + self.margin)
+        (px, py), (hx, hy), (u, v) = self.pitch, self.half_width, self.centre
+        return (1 / px, (hx - u) / px + self.margin), (-1 / py, (hy + v) / py + self.margin)
 
     def binned(self, points: Floats, weights: Floats) -> Floats:
         """Return the sum of weights in every pixel, (rows, columns), without the margin.
@@ -97,6 +99,14 @@ class Screen:
         """Return a screen of the same size with so many times as many pixels in each direction."""
         return replace(self, pixels=(times * self.pixels[0], times * self.pixels[1]))
 
+    def means_of(self, image: Floats, other: Screen) -> Floats:
+        """Return the means over this screen's pixels of an image on another's pixels, even within each.
+
+        image : (other's rows, columns).
+        """
+        across, down = (_shares(self, other, k) for k in (0, 1))
+        return np.asarray(down @ image @ across.T)
+
     def pad(self, image: Floats) -> Floats:
         """Return the image with the dark margin."""
         return np.pad(image, self.margin)
@@ -105,6 +115,19 @@ class Screen:
         """Return the image without the margin."""
         m = self.margin
         return padded[m : padded.shape[0] - m, m : padded.shape[1] - m]
+
+
+def _shares(screen: Screen, other: Screen, axis: int) -> Floats:
+    """Return the share of every pixel that each pixel of another screen makes up along u (0) or v (1), down
+    the rows, (pixels, other's pixels)."""
+    sign = 1 - 2 * axis
+    ends, others = (
+        s.half_width[axis] * (2 * np.arange(s.pixels[axis] + 1) / s.pixels[axis] - 1) + sign * s.centre[axis]
+        for s in (screen, other)
+    )
+    low = np.maximum(ends[:-1, None], others[None, :-1])
+    high = np.minimum(ends[1:, None], others[None, 1:])
+    return np.maximum(high - low, 0.0) / np.diff(ends)[:, None]
 
 
 def lit_part(

@@ -12,16 +12,16 @@ Source: the goniometer of UN Regulation No. 112, whose horizontal axis is fixed 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, hypot, inf, isinf, sqrt
+from math import ceil, hypot, inf, isinf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from optics.base.statistics import crossed_choice, crossed_error, drift_error, drift_signs
 from optics.scene.receivers.screen import Screen
 from thbcad.checks import Bools, Floats, Integers
 
@@ -107,31 +107,32 @@ class ZoneRow:
         least = max(self.least * (1 + margin), of_peak)
         return self.correction * least, self.correction * greatest
 
-    def reading(
-        self, light: Floats, noise: Floats, axes: Sequence[int] = (), drift: Floats | float = 0.0
-    ) -> ZoneReading:
+    def reading(self, draws: Floats, drift: Floats | float = 0.0) -> ZoneReading:
         """Return what the row says.
 
-        light : (rows, columns).  noise : of its pixels, a standard deviation.
-        axes : directions in which noise is its own mirror image.
-        drift : an error of the pixels that is no noise, and adds up where these are read together.
+        draws : (R, rows, columns), independent measurements of the light.
+        drift : (rows, columns), an error that they have in common, of known size about.
         """
-        values = self.readings @ light.ravel()
-        k = int(np.argmax(values) if self.brightest else np.argmin(values))
-        weights, value, least = self.readings[[k]], float(values[k]), self.least
+        every = draws.reshape(len(draws), -1)
+        values, chosen = _chosen(self.readings, every, self.brightest)
+        weights, value, least = self.readings[chosen[:1]], float(values.mean()), self.least
         if self.peaks is not None:
-            found = self.peaks @ light.ravel()
-            peak = int(np.argmax(found))
-            if self.least_of_peak * found[peak] > least:  # the limit errs, too
-                least = self.least_of_peak * float(found[peak])
-                weights = weights - self.least_of_peak * self.peaks[[peak]]
-        known = float((weights @ (drift * np.ones_like(light)).ravel())[0])
-        for axis in axes:
-            weights = (
-                weights + weights[:, np.flip(np.arange(light.size).reshape(light.shape), 1 - axis).ravel()]
-            )
-        square = (weights.multiply(weights) @ np.square(noise.ravel()))[0] / 2 ** len(axes)
-        return ZoneReading(value, hypot(sqrt(square), known), least, self.greatest)
+            peaks, brightest = _chosen(self.peaks, every, True)
+            if self.least_of_peak * float(peaks.mean()) > least:  # the limit errs, too
+                least = self.least_of_peak * float(peaks.mean())
+                values = values - self.least_of_peak * peaks
+                weights = weights - self.least_of_peak * self.peaks[brightest[:1]]
+        signs = drift_signs(draws.shape[1:])
+        drifts = [float((weights @ np.broadcast_to(s * drift, draws.shape[1:]).ravel())[0]) for s in signs]
+        error = hypot(crossed_error(values, chosen), drift_error(0.0, drifts))
+        return ZoneReading(value, error, least, self.greatest)
+
+
+def _chosen(readings: csr_array, draws: Floats, brightest: bool) -> tuple[Floats, Integers]:
+    """Return every replicate's light at the brightest or darkest place, (R,), and the places' numbers."""
+    found = (readings @ draws.T).T
+    chosen = crossed_choice(found, np.argmax if brightest else np.argmin)
+    return found[np.arange(len(found)), chosen], chosen
 
 
 def zone_places(shape: str, corners: ArrayLike, screen: Screen, right: int = 1) -> Floats:

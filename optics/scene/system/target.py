@@ -41,6 +41,7 @@ APERTURE = 0.15
 # pixels, at least, of the light that zones are read in (headlamp: readings are then within 0.1 % of those in
 # much finer light, with 1.2 pixels within 1.5 %)
 PER_APERTURE = 3
+FORMULA_CELLS = 210  # of the target in each direction, on which the region of a formula is looked for
 WHOLE = 1e-9  # of a pixel, what may be dark of one that is lit wholly: rounding
 
 
@@ -126,7 +127,18 @@ class LightTarget:
             return LitRegion((-x, x), (-y, y), inside)
         if lit is None or not lit.any() or np.ptp(self.light[lit]) > WHOLE * self.light.max():
             return None
-        return LitRegion.of_pixels(lit, target.half_width)
+        cells = formula_pixels(target.formula, (FORMULA_CELLS, FORMULA_CELLS))
+        return LitRegion.of_pixels(cells, target.half_width)
+
+    def box_screen(self, grid: int) -> Screen | None:
+        """Return the boxes on which the uniformity of the region is judged, as pixels of a screen; None
+        without a region.  grid : boxes in each direction."""
+        region = self.uniform_region
+        if region is None:
+            return None
+        (x, u), (y, v) = region.x, region.y
+        half_width, centre = ((u - x) / 2, (v - y) / 2), ((x + u) / 2, (y + v) / 2)
+        return Screen(half_width, (grid, grid), receiver=self.receiver, centre=centre)
 
     @property
     def as_picture(self) -> bool:
@@ -141,7 +153,7 @@ class LightTarget:
         screen, light = self.screen(), self.light
         rows, held = self.zone_rows(screen), float((light * screen.projection()).sum()) * screen.pixel_area
         light = light * min(1.0, self.flux / held)  # limits may take more than there is
-        read = ((row.name, row.reading(light, 0 * light)) for row in rows)
+        read = ((row.name, row.reading(light[None])) for row in rows)
         short = ((name, -row.margin) for name, row in read if row.at_least == lower)
         return [f"{name} by {share:.0%}" for name, share in short if share > LEAST_MISS]
 

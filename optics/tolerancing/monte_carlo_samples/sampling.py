@@ -97,9 +97,8 @@ class Sampled(NamedTuple):
 
 def traced(model: ErrorModel, draw: Draw) -> Traced:
     """Return the quality of the light of one lens, rel_l2 without the noise of counted rays."""
-    image, fates = model.light(model.errors(draw))
-    error = model.light.error(image)
-    metrics = delivered(model.system, image, error, fates.on_target, fates.off_target, model.blur)
+    light, _ = model.light.estimate(model.errors(draw))
+    metrics = delivered(model.system, light, model.blur)
     # the most likely values count: what is uncertain of one lens evens out over many
     checks = delivery_checks(metrics, model.system.problem.verify)
     found = grade(replace(check, error=0.0) for check in checks)

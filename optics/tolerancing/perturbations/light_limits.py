@@ -16,7 +16,7 @@ from math import isfinite
 from typing import Any
 
 from optics.base.runtime import UserError
-from optics.light.analysis import LightEstimate, rel_l2, uniformity_metrics
+from optics.light.analysis import LightEstimate, box_screen, per_area, uniformity_metrics
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
 from thbcad.checks import Floats
 
@@ -63,28 +63,25 @@ class LightJudge:
         """Whether the same light is asked for everywhere in a region."""
         return self.light.system.target.uniform_region is not None
 
-    def numbers(self, irradiance: Floats, on_target: float) -> LightNumbers:
-        """Return the numbers of light, (rows, columns).  on_target : its flux there."""
-        least = self._evenness(irradiance)["min_over_mean"] if self.uniform else None
-        if self.uniform and least is None and irradiance[self.light.system.target.lit_pixels].sum() <= 0:
+    def numbers(self, light: LightEstimate) -> LightNumbers:
+        """Return the numbers of light: flux per du dv on the target's pixels and boxes."""
+        system = self.light.system
+        seen = per_area(light, self.light.screen, box_screen(system))
+        least = self._uniformity(seen)["min_over_mean"] if self.uniform else None
+        if self.uniform and least is None and seen.irradiance[system.target.lit_pixels].sum() <= 0:
             least = 0.0
-        flux = self.light.system.problem.flux
-        return LightNumbers(self._off(irradiance, on_target), on_target / flux, least)
+        off = seen.error_of_rel_l2(self.target)["rel_l2_debiased"]
+        return LightNumbers(off, light.on_target / system.problem.flux, least)
 
-    def why_unknown(self, irradiance: Floats) -> str:
-        """Return why light has no min_over_mean, "" where it has one."""
-        return str(self._evenness(irradiance)["reason"]) if self.uniform else NOT_UNIFORM
+    def why_unknown(self, light: LightEstimate) -> str:
+        """Return why light has no min_over_mean, "" where it has one.  light : as of `numbers`."""
+        if not self.uniform:
+            return NOT_UNIFORM
+        seen = per_area(light, self.light.screen, box_screen(self.light.system))
+        return str(self._uniformity(seen)["reason"])
 
-    def _off(self, irradiance: Floats, on_target: float) -> float:
-        """Return rel_l2 without noise."""
-        noise = self.light.error(irradiance)
-        if noise is None:
-            return rel_l2(irradiance, self.target)
-        light = LightEstimate(irradiance, noise, on_target, 0.0)
-        return float(light.error_of_rel_l2(self.target)["rel_l2_debiased"] or 0.0)
-
-    def _evenness(self, irradiance: Floats) -> dict[str, Any]:
-        return uniformity_metrics(self.light.system, irradiance, self.light.error(irradiance), self.blur)
+    def _uniformity(self, seen: LightEstimate) -> dict[str, Any]:
+        return uniformity_metrics(self.light.system, seen, self.blur)
 
 
 def usual_limits(light: PerturbedLight, design: LightNumbers) -> dict[str, float]:

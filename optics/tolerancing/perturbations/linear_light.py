@@ -36,12 +36,13 @@ from thbcad.checks import Bools, Floats
 class LinearLight:
     """What perturbations do to the light of one lens, by derivatives of the landing points.
 
-    irradiance : (rows, columns), of the design.
+    estimate : of the design's light, see `PerturbedLight.estimate`.  irradiance : (rows, columns), of it.
     """
 
     def __init__(self, light: PerturbedLight) -> None:
         self._light = light
-        self.irradiance, self.fates = light(NOMINAL)
+        self.estimate, _ = light.estimate(NOMINAL)
+        self.irradiance = self.estimate.irradiance / light.screen.projection()
         self._here: list[_Corners] = []
         if light.by_cells:
             self._here, self._paths = list(self._corners(NOMINAL)), LensPaths(light)

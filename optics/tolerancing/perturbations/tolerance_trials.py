@@ -98,10 +98,9 @@ class _Trial:
         system = light.system
         blur = 0.0 if light.by_cells else spot_rms(system, light.lens, light.backend)
         self.judge = LightJudge(unit_mean(target), light, blur)
-        irradiance = self._linear.irradiance
-        self.scaled = unit_mean(irradiance)
-        self.here = self.judge.numbers(irradiance, self._linear.fates.on_target)
-        asked, unknown = limits_of(limits, usual_limits(light, self.here)), self.judge.why_unknown(irradiance)
+        self.scaled, here = unit_mean(self._linear.irradiance), self._linear.estimate
+        self.here = self.judge.numbers(here)
+        asked, unknown = limits_of(limits, usual_limits(light, self.here)), self.judge.why_unknown(here)
         self.bounds = bounds_of(asked, self.here, unknown)
         self._hopeless = bool(missed(self.bounds, self.here))
         self._pixel = float(np.mean(light.screen.pitch))
@@ -112,8 +111,8 @@ class _Trial:
         lit = self.judge.target > 0
         if self._light.by_cells or not lit.any():
             return 0.0
-        rays = self._light.as_many_rays * self.here.efficiency / lit.sum()
-        return float(self._light.noise_share / np.sqrt(rays)) if rays else 0.0
+        seen = self._linear.estimate
+        return float(np.sqrt(np.mean(seen.error[lit] ** 2)) / (seen.irradiance[lit].mean() or 1.0))
 
     def effect(self, tolerance: Tolerance) -> ToleranceEffect:
         """Return what a tolerance does."""
@@ -155,14 +154,14 @@ class _Trial:
             others = tuple(member for member in lit if member is not out)
             rest = replace(source, members=others, flux=source.flux - out.flux)
             system = replace(light.system, own=replace(light.system.own, source=rest))
-            image, fates = PerturbedLight(system, light.lens, light.backend)()
-            found.append(self.judge.numbers(image, fates.on_target))
+            rest_of_light, _ = PerturbedLight(system, light.lens, light.backend).estimate()
+            found.append(self.judge.numbers(rest_of_light))
         return tuple(found)
 
     def _traced(self, perturbation: Perturbation) -> tuple[Floats, LightNumbers]:
         """Return light scaled to unit mean, and what it is judged by."""
-        image, fates = self._light(perturbation)
-        return unit_mean(image), self.judge.numbers(image, fates.on_target)
+        light, _ = self._light.estimate(perturbation)
+        return unit_mean(light.irradiance / self._light.screen.projection()), self.judge.numbers(light)
 
     def _prediction_errors(self, perturbation: Perturbation) -> tuple[float | None, float | None]:
         """Return the errors of the predicted change and of J p, relative to the traced change."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from copy import copy
 from dataclasses import replace
-from functools import cached_property, reduce
-from math import inf, isqrt
+from functools import cached_property, partial, reduce
+from math import isqrt
 from operator import add
 
 import numpy as np
 
 from optics.base.runtime import Backend
-from optics.light.analysis import coloured, traced_cells
+from optics.light.analysis import REPLICATES, Light, LightEstimate, box_screen, coloured, traced_cells
 from optics.light.measuring import Splat
 from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import SlopeErrors
@@ -32,8 +31,7 @@ CELLS_PER_PIXEL, LEAST_CELLS = 3, 128
 RAYS_PER_PIXEL = 32  # half a gigabyte of them on 512^2 pixels
 RAYS_AT_ONCE = 1 << 19  # more only take more memory
 CORNERS_AT_ONCE = 1 << 18  # two processes side by side take 0.7 GB then; half of it takes twice the time
-# streams of random numbers: of rays that the optimiser has not fitted, and of others that tell their noise
-FRESH, OTHERS = 3, 4
+FRESH = 3  # stream of random numbers: rays that the optimiser has not fitted
 WIDER = 1.05  # of the front: as far as cells of a wider beam reach, so that the front's rim cuts them
 HEIGHTS = 33  # of the front, in each direction: how far it reaches up and down
 SHIFT_RAYS = (65, 65)  # which tell how far light moves
@@ -62,7 +60,8 @@ class PerturbedLight:
     ) -> None:
         require_light_of_one_lens(system, "tolerances")
         self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
-        self.screen = system.target.screen()
+        self.screen, boxes = system.target.screen(), box_screen(system)
+        self._screens = [self.screen] if boxes is None else [self.screen, boxes]
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
         path = system.path(lens)
@@ -74,28 +73,38 @@ class PerturbedLight:
             self._counts = counts
             self.cells: SourceCells = system.source.cells(counts, *self._lit(self.parts(NOMINAL), WIDER))
         else:
-            self._counts = 2 * [isqrt((per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]) + 1]
-            self._draw(FRESH)
+            rays = (per_pixel or RAYS_PER_PIXEL) * pixels[0] * pixels[1]
+            self._counts = 2 * [isqrt(rays // REPLICATES) + 1]
+            self._draw()
         self._shaded = self._shaded and self()[1].blocked > 0
 
-    def _draw(self, stream: int) -> None:
-        """Take rays of the source, with errors of slopes.  stream : of random numbers."""
-        self._stream, fresh = stream, self._fresh(stream)
-        self._rays = list(self.system.source.parts(self._counts, fresh, RAYS_AT_ONCE))
-        self._errors = [
-            [fresh.normal(0, r, (2, rays.flux.size)) if r else None for r in self.system.slope_rms]
-            for rays in self._rays
-        ]
+    def _draw(self) -> None:
+        """Take replicates of rays of the source, with errors of slopes."""
+        fresh = self._fresh(REPLICATES)
+        sets = self.system.source.replicates(REPLICATES, self._counts, fresh, RAYS_AT_ONCE)
+        self._rays = [list(parts) for parts in sets]
+        self._errors = [[self._slope_errors(rays.flux.size, fresh) for rays in parts] for parts in self._rays]
 
-    def _fresh(self, stream: int) -> np.random.Generator:
-        return np.random.default_rng((self.system.problem.run.seed, stream))
+    def _slope_errors(self, rays: int, fresh: np.random.Generator) -> SlopeErrors:
+        """Return the errors of the slopes of all surfaces where rays meet them."""
+        return [fresh.normal(0, rms, (2, rays)) if rms else None for rms in self.system.slope_rms]
+
+    def _fresh(self, replicate: int) -> np.random.Generator:
+        return np.random.default_rng((self.system.problem.run.seed, FRESH, replicate))
 
     def __call__(self, perturbation: Perturbation = NOMINAL) -> tuple[Floats, SequentialFates]:
         """Return (irradiance (rows, columns), W/mm^2, in the far field W/degree^2; flux by fate, W)."""
+        light, fates = self.estimate(perturbation)
+        return light.irradiance / self._shown, fates
+
+    def estimate(self, perturbation: Perturbation = NOMINAL) -> tuple[LightEstimate, SequentialFates]:
+        """Return (flux per du dv on the target's pixels and boxes, flux by fate, W)."""
         colours = self.colours(self.aimed(perturbation))
         lights = [(weight, *self._light(parts)) for weight, parts, _ in colours]
-        image = sum(weight * light for weight, light, _ in lights)
-        return image / self._shown, reduce(add, (fates * weight for weight, _, fates in lights))
+        return (
+            reduce(add, (light * weight for weight, light, _ in lights)),
+            reduce(add, (fates * weight for weight, _, fates in lights)),
+        )
 
     def parts(self, perturbation: Perturbation) -> PerturbedParts:
         """Return the perturbed parts.  Bodies that take none of the design's light are left out."""
@@ -151,42 +160,6 @@ class PerturbedLight:
             coloured = replace(parts, path=path)
             yield weight, coloured, self.trace_through(coloured)
 
-    def error(self, irradiance: Floats) -> Floats | None:
-        """Return the standard deviation of light that rays are counted in, (rows, columns); None of cells.
-
-        irradiance : of a call.
-        """
-        return None if self.by_cells else self.noise_share * self._independent(irradiance)
-
-    @cached_property
-    def noise_share(self) -> float:
-        """The noise of the rays over that of as many independent ones, by other rays through the design.
-
-        A file of rays, which holds no others, is taken as independent rays.
-        """
-        if self.system.source.most_rays < inf:
-            return 1.0
-        others = copy(self)
-        others._draw(OTHERS)
-        one, other = self()[0], others()[0]
-        independent = np.hypot(self._independent(one), self._independent(other))
-        return float(np.linalg.norm(one - other) / (np.linalg.norm(independent) or 1.0))
-
-    def _independent(self, irradiance: Floats) -> Floats:
-        """Return the standard deviation of light by independent rays, of which q is the mean flux of
-        `as_many_rays`: its square is E q / pixel area."""
-        quantum = self.system.problem.flux / self.as_many_rays / self.screen.pixel_area / self._shown
-        return np.asarray(np.sqrt(np.maximum(irradiance, 0.0) * quantum))
-
-    @cached_property
-    def as_many_rays(self) -> float:
-        """How many rays of equal flux are as noisy as those that are traced: (sum q)^2 / sum q^2.
-
-        A file of rays holds so many and no more.
-        """
-        flux = np.concatenate([rays.flux.ravel() for rays in self._rays])
-        return float(flux.sum() ** 2 / (flux @ flux))
-
     def on_lens(self, perturbation: Perturbation, s: Floats, t: Floats) -> Floats:
         """Return x and y, (2, n, m) mm, where rays from s (n,) and t (m,) of the source meet the last free
         surface; NaN where they miss it."""
@@ -209,34 +182,41 @@ class PerturbedLight:
 
         return trace
 
-    def _light(self, parts: PerturbedParts) -> tuple[Floats, SequentialFates]:
+    def _light(self, parts: PerturbedParts) -> tuple[LightEstimate, SequentialFates]:
         """Return the light of one wavelength, as if it had all of the flux."""
         if self.by_cells:
             cells = parts.cells(self._cells_of(parts))
             trace = self.trace_through(parts)
-            image, fate = traced_cells(trace, self.screen, cells, self.backend, CORNERS_AT_ONCE)
+            images, fate = traced_cells(trace, self._screens, cells, self.backend, CORNERS_AT_ONCE)
             if not cells.parallel:  # such rays do not know of the light that has none
                 fate = fate.and_missing(cells.missed)
-            return image, fate
-        splat = Splat(self.backend, self.screen, BoxWindow())
-        image, fates = np.zeros(self.screen.shape), []
-        for part, errors in zip(self._rays_of(parts), self._errors):
+            return LightEstimate.exact(Light.of(images, fate.on_target, fate.off_target)), fate
+        lights, fates = zip(*map(partial(self._light_of_rays, parts), range(REPLICATES)))
+        return LightEstimate.of_replicates(lights), reduce(add, fates) / REPLICATES
+
+    def _light_of_rays(self, parts: PerturbedParts, replicate: int) -> tuple[Light, SequentialFates]:
+        """Return the light of one replicate of the rays, and its flux by fate."""
+        splats = [Splat(self.backend, screen, BoxWindow()) for screen in self._screens]
+        images, fates = [np.zeros(screen.shape) for screen in self._screens], []
+        for part, errors in zip(self._rays_of(parts, replicate), self._errors[replicate]):
             rays = parts.rays(part.rays(self._before))
             tracer, landing = self.trace_through(parts, errors)(rays)
             with self.backend.dr.suspend_grad():
-                light = splat(landing.x, landing.y, landing.flux).numpy()
-            image += light.reshape(self.screen.shape, order="F")
+                for image, splat in zip(images, splats):
+                    light = splat(landing.x, landing.y, landing.flux).numpy()
+                    image += light.reshape(image.shape, order="F")
             fate = tracer.fates(landing, self.screen.half_width)
             missed = part.missed if isinstance(part, RayGrid) else 0.0
             fates.append(fate.and_missing(missed))
-        return image, reduce(add, fates)
+        every = reduce(add, fates)
+        return Light.of(images, every.on_target, every.off_target), every
 
-    def _rays_of(self, parts: PerturbedParts) -> Iterable[RayGrid | Rays]:
+    def _rays_of(self, parts: PerturbedParts, replicate: int) -> Iterable[RayGrid | Rays]:
         """Return rays of the source, before it moves; of a parallel beam those that meet the first face."""
         source = self.system.source
         if not source.collimated:
-            return self._rays
-        return source.parts(self._counts, self._fresh(self._stream), RAYS_AT_ONCE, *self._lit(parts, 1.0))
+            return self._rays[replicate]
+        return source.parts(self._counts, self._fresh(replicate), RAYS_AT_ONCE, *self._lit(parts, 1.0))
 
     def _cells_of(self, parts: PerturbedParts) -> SourceCells:
         """Return cells of the source, before it moves; of a parallel beam those that meet the first face."""
