@@ -26,7 +26,7 @@ from tests.source_tree import (
 
 # wing of optics: its rooms, floor by floor; a wing sees those above it in this table, but for BLIND
 WINGS = {
-    "base": ["runtime", "optimisers workers"],
+    "base": ["runtime", "optimisers statistics workers"],
     "scene": [
         "keys luminaires materials photometry ray_files receivers",
         "problem sources",

@@ -194,8 +194,10 @@ class AllLight:
     @property
     def off_target(self) -> tuple[float, float]:
         """All light outside the target that is known, however little it is, and its standard error, W."""
-        every = [self.direct.estimate, *(each.light for each in (self.other, self.past) if each)]
-        return sum(light.off_target for light in every), hypot(*(e.error_of_off_target for e in every))
+        light, few = self.light, self.other.light if self.other and not self.all_ways else None
+        if few is None:
+            return light.off_target, light.error_of_off_target
+        return light.off_target + few.off_target, hypot(light.error_of_off_target, few.error_of_off_target)
 
 
 def all_light(

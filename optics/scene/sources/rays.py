@@ -77,12 +77,18 @@ class Rays:
         return Rays(self.origin[:, chosen], self.direction[:, chosen], each)
 
     def dealt(self, hands: int) -> Iterator[Rays]:
-        """Yield sets that make up all rays: every `hands`-th ray, with the flux of all."""
+        """Yield sets that make up all rays, each with the flux of all.
+
+        Which set a ray falls to is drawn, so that sets differ as independent samples of the same light do.
+        The draw is the same every time: all that is measured by the same set errs together.
+        """
         total = self.flux.sum()
+        drawn = np.random.default_rng(hands).permutation(len(self.flux))
         for k in range(hands):
-            flux = self.flux[k::hands]
+            chosen = np.sort(drawn[k::hands])
+            flux = self.flux[chosen]
             scaled = flux * (total / flux.sum()) if flux.any() else flux
-            yield Rays(self.origin[:, k::hands], self.direction[:, k::hands], scaled)
+            yield Rays(self.origin[:, chosen], self.direction[:, chosen], scaled)
 
     def rays(self, z: float) -> Rays:
         """Return these: they are one by one already, and start where they do, unlike those of a `RayGrid`."""
