@@ -52,6 +52,7 @@ QUICK = \
 	tests/test_loading.py \
 	tests/test_bench_error.py \
 	tests/test_docs_site.py \
+	tests/optics/base/statistics \
 	tests/optics/light/analysis/test_judgement.py \
 	tests/optics/light/blur \
 	tests/optics/interface/api/test_minimisation.py \

@@ -37,7 +37,7 @@ from thbcad.lens import Lens
 ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance}
 WORTH = 1e-4  # of the light on the target along the path: less light past elements is not followed
 ROUNDING = 1e-9  # of the source's flux
-PILOT = (256, 256)  # rays that tell how much of it meets the target
+PILOT = (96, 96)  # rays of a replicate that tell how much of it meets the target
 RAYS = (512, 512)  # of a replicate: no surface shapes most of this light, so that it is smooth
 AT_ONCE = 1 << 18  # rays: each that comes near a body is searched for there
 STREAM = 4  # of random numbers, other than those of the other traces
@@ -138,7 +138,7 @@ def _light_past(
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (light past some elements, its mean flux by fate).
 
-    missed : their numbers.  least : W, no more on the screen is not worth an image.
+    missed : their numbers.  least : W, no more on the screen is not worth many rays.
     """
     faces = [k for k, owner in enumerate(_owners(system)) if owner in missed]
     rough = [rms for k, rms in enumerate(system.slope_rms) if k not in faces]
@@ -146,8 +146,12 @@ def _light_past(
     ways = [(share, way.past(faces)) for share, way in coloured(system, whole)]
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
 
-    def replicates(number: int, counts: tuple[int, int]) -> Iterator[tuple[Light, SequentialFates]]:
-        for parts in system.source.whole.replicates(number, counts, rng, AT_ONCE):
+    def measured(counts: tuple[int, int]) -> tuple[LightEstimate, SequentialFates]:
+        lights, every = zip(*replicates(counts))
+        return LightEstimate.of_replicates(lights), reduce(add, every) / REPLICATES
+
+    def replicates(counts: tuple[int, int]) -> Iterator[tuple[Light, SequentialFates]]:
+        for parts in system.source.whole.replicates(REPLICATES, counts, rng, AT_ONCE):
             rays = [part.rays(whole.before) for part in parts]
             every = [(s, light_of_parts(way, rough, screens, iter(rays), rng, backend)) for s, way in ways]
             fates = reduce(add, (by_fate * share for share, (_, by_fate) in every))
@@ -155,12 +159,8 @@ def _light_past(
             images = (Light.of(images, 0.0, 0.0) * share for share, (images, _) in every)
             yield replace(reduce(add, images), on=np.asarray(on), off=np.asarray(off)), fates
 
-    ((light, fates),) = replicates(1, PILOT)
-    if fates.on_target <= least:
-        return LightEstimate.exact(replace(light * 0.0, off=light.off)), fates
-    sets = [*replicates(REPLICATES, RAYS)]
-    fates = reduce(add, (by_fate for _, by_fate in sets)) / REPLICATES
-    return LightEstimate.of_replicates(light for light, _ in sets), fates
+    light, fates = measured(PILOT)
+    return (light, fates) if fates.on_target <= least else measured(RAYS)
 
 
 @dataclass(frozen=True, eq=False)

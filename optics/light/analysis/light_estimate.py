@@ -135,7 +135,8 @@ class LightEstimate:
 
     def grouped(self, count: int) -> LightEstimate:
         """Return it with a part of the replicates, each the mean of as many as fall to it."""
-        draws = self.draws.each(lambda a: a.reshape(count, -1, *a.shape[1:]).mean(axis=1))
+        size = self.count // count
+        draws = self.draws.each(lambda a: a.reshape(count, size, *a.shape[1:]).mean(axis=1))
         return replace(self, draws=draws)
 
     @property

@@ -139,14 +139,15 @@ def _judged(found: Uniformity, light: Floats, drifts: Floats) -> Uniformity:
     def error(of_noise: float, value: Callable[[Floats], Floats]) -> float:
         return hypot(of_noise, drift_error(value(mean), value(shifted)))
 
-    ratio = darkest / brightest
+    ratio = float(darkest.mean() / brightest.mean())
+    away = (darkest - ratio * brightest) / brightest.mean()
     return replace(
         found,
         noise=float(np.hypot(standard_error(light), np.abs(drifts[0])).max()),
         min_over_mean=float(darkest.mean()),
         min_over_mean_error=error(crossed_error(darkest, low), lambda e: e.min(axis=-1) / e.mean(axis=-1)),
-        min_over_max=float(ratio.mean()),
-        min_over_max_error=error(crossed_error(ratio, low), lambda e: e.min(axis=-1) / e.max(axis=-1)),
+        min_over_max=ratio,
+        min_over_max_error=error(crossed_error(away, low), lambda e: e.min(axis=-1) / e.max(axis=-1)),
         rsd=sqrt(max(square, 0.0)),
         rsd_error=error(root_error(square, variance), lambda e: e.std(axis=-1) / e.mean(axis=-1)),
     )

@@ -66,9 +66,9 @@ def shop_sentences(budget: ToleranceBudget) -> list[str]:
         )
     if "min_over_mean" in budget.bounds and budget.noise >= NOISY:  # it is that of counted rays
         lines.append(
-            f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and lowers "
-            "min_over_mean; limit rel_l2 or efficiency, or measure on fewer and larger pixels "
-            "(target.pixels)."
+            f"Rays are counted here: the noise of a lit pixel is {budget.noise:.0%} and makes "
+            "min_over_mean uncertain; limit rel_l2 or efficiency, or measure on more pixels "
+            "(target.pixels), which takes more rays."
         )
     return lines
 

@@ -49,14 +49,14 @@ def test_extrapolated_light_is_nowhere_negative_and_has_the_flux_of_the_finer_gr
 def test_three_grids_of_cells_give_the_image_and_its_error(beam, monkeypatch):
     """The image is that of the finer two.  No grid has lines in common with another."""
     given = [*np.random.default_rng(3).uniform(1, 1.2, (3, 48, 48))]
-    images, real, grids, borders = iter(given), light_of_cells.cell_irradiance, [], []
+    images, real, grids, borders = iter(given), light_of_cells.images_of_cells, [], []
 
-    def watched(path, screen, cells, backend, found):
+    def watched(path, screens, cells, backend, found):
         grids.append(cells.emitted.shape)
         borders.append((found.cells, found.bisections))
-        return next(images), real(path, screen, cells, backend)[1]
+        return [next(images)], real(path, screens, cells, backend)[1]
 
-    monkeypatch.setattr(light_of_cells, "cell_irradiance", watched)
+    monkeypatch.setattr(light_of_cells, "images_of_cells", watched)
     result = measure(beam.system, beam.lens, beam.backend)
     numbers = [n for grid in grids for n in grid]
     assert all(n % k for n in numbers for k in range(2, n))
@@ -77,12 +77,12 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
     """Ten for a pixel up to 1024 in all, then four, on large screens three; no fewer than 256."""
     grids = []
 
-    def watched(path, screen, cells, backend, borders):
+    def watched(path, screens, cells, backend, borders):
         grids.append(cells.emitted.shape)
-        return np.ones(screen.shape), fates
+        return [np.ones(screen.shape) for screen in screens], fates
 
     _, fates = beam.light(11, 11)
-    monkeypatch.setattr(light_of_cells, "cell_irradiance", watched)
+    monkeypatch.setattr(light_of_cells, "images_of_cells", watched)
     path = beam.system.path(beam.lens)
     for pixels in ((4, 48), (200, 400), (600, 900)):
         light_of_cells.grid_irradiance(beam.system, path, replace(beam.screen, pixels=pixels), beam.backend)

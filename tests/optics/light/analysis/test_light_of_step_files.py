@@ -130,14 +130,14 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
     of_rays = {"RAYS": RAYS, "REPLICATES": REPLICATES, "PILOT": REPLICATES, "trace_nonsequential": certain}
     for name, value in of_rays.items():
         monkeypatch.setattr(closed_lens_light, name, value)
-    monkeypatch.setattr(light_by_all_ways, "OTHER_REPLICATES", REPLICATES)
+    monkeypatch.setattr(light_by_all_ways, "REPLICATES", REPLICATES)
     monkeypatch.setattr(light_of_cells, "_cells", lambda *_: CELLS)
     monkeypatch.setattr(light_of_cells, "FINEST", Borders(2 * CELLS, 20))
     found = measure(system, lens, backend)
 
-    (fine, fates), (coarse, _) = (
+    ((fine,), fates), ((coarse,), _) = (
         traced_cells(
-            file.trace, file.screen, system.source.cells([n] * 2), backend, borders=Borders(fine, 20)
+            file.trace, [file.screen], system.source.cells([n] * 2), backend, borders=Borders(fine, 20)
         )
         for n, fine in ((CELLS, 2 * CELLS), (COARSER, CELLS))
     )

@@ -9,9 +9,8 @@ import pytest
 
 from optics.base.runtime import check_lines, verification
 from optics.light.analysis import delivered, delivery_checks, judged, measure
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.scene.problem import Verify, load_problem
-from optics.scene.receivers import Screen
 from optics.scene.system import OpticalSystem, advice
 from tests.optics.cases import write_problem
 
@@ -72,7 +71,8 @@ def test_the_rows_of_a_known_light_are_judged_one_by_one(tmp_path, backend):
     lines = check_lines(verification(checks))
     assert re.search(r"ok     in at \(0, 0\): \d{4} cd \(at least \d+\.?\d*\); margin \+11%", lines[0])
     assert json.loads(json.dumps(found.metrics["zones"])) == found.metrics["zones"]
-    light = delivered(system, found.irradiance, None, 1.0, 0.0, 0.0)
+    flux = found.irradiance * system.target.screen().projection()
+    light = delivered(system, LightEstimate.exact(Light.of([flux], 1.0, 0.0)), 0.0)
     stored, fresh = ([row["value"] for row in rows["zones"]] for rows in (light, found.metrics))
     assert stored == pytest.approx(fresh, rel=3e-3, abs=1e-6)  # of even light, by wider pixels
 
@@ -94,16 +94,6 @@ def test_zones_are_read_over_an_aperture_however_wide_pixels_are(tmp_path, backe
         tmp_path / "problem.toml", narrow | {"target.pixels": [80, 80], "target.zone": [zone]}
     )
     assert not any("zones are read" in note for note in advice(OpticalSystem(fine)))
-
-
-def test_light_on_finer_pixels_has_the_error_of_means_again():
-    rng, screen = np.random.default_rng(0), Screen((1.0, 1.0), (3, 2))
-    light = LightEstimate(*rng.uniform(size=(2, 2, 3)), 1.0, 0.0)
-    fine = light.finer(screen.finer(4))
-    means = fine.irradiance.reshape(2, 4, 3, 4).mean(axis=(1, 3))
-    errors = np.sqrt(np.square(fine.error).reshape(2, 4, 3, 4).sum(axis=(1, 3))) / 16
-    assert means == pytest.approx(light.irradiance, rel=1e-15)
-    assert errors == pytest.approx(light.error, rel=1e-15)
 
 
 ROW = {"name": "at (0, 0)", "value": 100.0, "error": 5.0, "least": 92.0, "greatest": None, "limit": 92.0}

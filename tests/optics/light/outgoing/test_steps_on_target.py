@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from optics.light.analysis import uniformity_of_pixels
 from optics.light.outgoing import StepsOnTarget
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
-from optics.scene.photometry import uniformity
 from tests.optics.cases import small_system, target_z
 
 WIDE = {
@@ -57,10 +57,8 @@ def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path
     light = even_light(system) * wave
     beside = StepsOnTarget(system, system.lens, light)
     assert beside.own.rel_l2 == 0
-    half_width = system.target.settings.half_width
-    assert (
-        beside.own.min_over_mean == uniformity(light, system.target.uniform_region, half_width).min_over_mean
-    )
+    even = uniformity_of_pixels(system, light, system.target.screen(), 0.0)
+    assert beside.own.min_over_mean == even.min_over_mean
     coarse, default, fine = (beside.by_steps(step) for step in (7.5, 2.5, 0.5))
     assert coarse.rel_l2 > 1.5 * default.rel_l2 > 6 * fine.rel_l2 > 0
     assert coarse.min_over_mean > 1.2 * beside.own.min_over_mean  # waves within a step are gone

@@ -79,14 +79,6 @@ def test_light_that_goes_on_beyond_the_angles_has_no_width():
         assert PlaneCurve(gamma, np.maximum(side * gamma, 0.0)).width(BEAM) is None
 
 
-def test_an_error_of_the_intensity_moves_both_ends_of_a_beam_by_it_over_the_slope():
-    """I = 1 - |gamma| / 10: an error of 0.02 moves each end by 0.2 degrees, independently."""
-    gamma = np.linspace(-12, 12, 49)
-    curve = PlaneCurve(gamma, np.maximum(1 - np.abs(gamma) / 10, 0))
-    assert curve.width(BEAM) == pytest.approx(10, rel=1e-12)
-    assert curve.error_of_width(BEAM, np.full(49, 0.02)) == pytest.approx(0.2 * sqrt(2), rel=1e-12)
-
-
 @pytest.mark.parametrize("value", [0.0, -1e-20])
 def test_darkness_has_no_width(value):
     assert PlaneCurve(np.linspace(-10, 10, 21), np.full(21, value)).width(BEAM) is None
