@@ -118,7 +118,7 @@ def test_sentences_name_units_and_boxes(metrics):
     assert re.search(r"; mean 12\d\d cd; edge from 90 to 10 % ", even)
     (plane,) = photometric_lines(metrics(SQUARE), units_of("W"))
     assert plane.startswith(
-        "uniformity U0 = E_min/E_mean 1.000, E_min/E_max 1.000, rsd 0.000 on 324 boxes of "
+        "uniformity U0 = E_min/E_mean 1.000, E_min/E_max 1.000, rsd 0.000 on 361 boxes of "
     )
     assert "; mean 1.276e+06 W/m^2; edge" in plane
 

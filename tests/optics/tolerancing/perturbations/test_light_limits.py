@@ -199,10 +199,8 @@ def test_the_reason_why_no_uniformity_is_known_is_said(even, tmp_path, backend) 
     unknown = "min_over_mean is not known of this light: the light asked for is not uniform;"
     with pytest.raises(UserError, match=unknown):
         budget_of(*rough_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
-    system, lens = even_system(tmp_path, {"verify.grid": 3})
-    with pytest.raises(
-        UserError, match=r"leaves boxes on 1\d% of the region; .*; limit rel_l2 or efficiency"
-    ):
+    system, lens = even_system(tmp_path, {"lens.rear.slope_rms": 0.05})
+    with pytest.raises(UserError, match=r"leaves boxes on \d+% of the region; .*; limit rel_l2 or"):
         budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
 
 
@@ -364,7 +362,7 @@ def test_one_source_out_leaves_the_light_of_the_others(backend):
     lit = budget_of(alone, alone.lens, backend, **{"target.decentre_x": 0.2}).light
     without = budget.outages[1]
     assert without.rel_l2 == pytest.approx(lit.rel_l2, rel=0.02)  # other rays of the same source
-    assert without.efficiency == pytest.approx(lit.efficiency / 2, rel=1e-3)
+    assert without.efficiency == pytest.approx(lit.efficiency / 2, rel=5e-3)
     assert sum(light.efficiency for light in budget.outages) == pytest.approx(
         budget.light.efficiency, rel=5e-3
     )
