@@ -16,6 +16,7 @@ DEVIATION = "how far that value may be off, as a standard deviation"
 NONE = 1e-9  # of a flux of 1: less is rounding
 # unit and meaning of the metrics by name, where the unit is always the same; those of a group by its name
 WORDS = {
+    "version": ("", "of the definitions of these numbers"),
     "rel_l2": (PERCENT, "rel_l2_debiased with the noise of the measurement in it"),
     "psnr_db": ("dB", "peak signal-to-noise ratio; the peak is the brightest pixel asked for"),
     "ssim": ("", "structural similarity, 1 for equal pictures"),
@@ -70,12 +71,12 @@ WORDS = {
     "contrast_error_std": (PERCENT, DEVIATION),
     **{
         f"{name}_error": (PERCENT, DEVIATION)
-        for name in ("rel_l2", "rel_l2_sequential", "lit_efficiency", "stray", "crosstalk")
+        for name in ("rel_l2", "rel_l2_sequential", "efficiency", "lit_efficiency", "stray", "crosstalk")
     },
 }
 # of the light on pixels that are lit wholly, and of the beam in the far field
 JUDGED = {
-    "min_over_mean": ("", "U0: least over mean light of the boxes that count"),
+    "min_over_mean": ("", "U0: minimum over mean light of the boxes that count"),
     "min_over_max": ("", "least over greatest light of these boxes"),
     "rsd": ("", "relative standard deviation of their light, without noise"),
     **{f"{name}_error": ("", DEVIATION) for name in ("min_over_mean", "min_over_max", "rsd")},
@@ -105,7 +106,6 @@ JUDGED = {
             ("_at_least", "the same where the light goes on beyond the target: it is at least this wide"),
         )
     },
-    "few_pixels": ("", "the region is too few pixels wide for a uniformity"),
 }
 
 
