@@ -137,6 +137,7 @@ SCENES = (
         "extended",
         {
             "target.pixels": [32, 32],
+            "target.shape": "rectangle",  # light with two mirror planes takes a quarter of the rays
             "lens.rear.freeform.max_level": 2,
             "optimizer.merge": 1,
             "optimizer.finish": 0,
