@@ -89,7 +89,7 @@ class Scene:
     @property
     def system(self) -> OpticalSystem:
         """The scene as designed, whose target is that of every measurement."""
-        return OpticalSystem(self.problem)
+        return OpticalSystem(self.problem).with_all_sources
 
     def sample(self, seed: int, backend: Backend, finer: int = 1) -> Sample:
         """Return a measurement.
