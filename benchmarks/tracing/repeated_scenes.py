@@ -89,7 +89,7 @@ class Scene:
     @property
     def system(self) -> OpticalSystem:
         """The scene as designed, whose target is that of every measurement."""
-        return OpticalSystem(self.problem)
+        return OpticalSystem(self.problem).with_all_sources
 
     def sample(self, seed: int, backend: Backend, finer: int = 1) -> Sample:
         """Return a measurement.
@@ -137,6 +137,7 @@ SCENES = (
         "extended",
         {
             "target.pixels": [32, 32],
+            "target.shape": "rectangle",  # light with two mirror planes takes a quarter of the rays
             "lens.rear.freeform.max_level": 2,
             "optimizer.merge": 1,
             "optimizer.finish": 0,

@@ -2,8 +2,8 @@
 
 Of every number that has an error, the standard deviation over all seeds is divided by the reported error, the
 root mean square over all seeds.  A right program gives 1 within 7 %, the error of 96 seeds.  The bias is the
-mean over all seeds minus a reference, in reported errors.  Light by cells has no noise, so there the difference
-from a finer grid is divided by the reported error.
+mean over all seeds minus a reference, in reported errors.  Light by cells has no noise, so there the
+difference from a finer grid is divided by the reported error.
 
 Run: thbcad bench reported_errors
 """

@@ -1,4 +1,4 @@
-"""Reported errors against the spread over seeds: the bench's own arithmetic, and a third of what it measures."""
+"""Reported errors against the spread over seeds: the bench's arithmetic, and a third of its seeds."""
 
 import numpy as np
 import pytest
