@@ -29,17 +29,15 @@ def standard_error(draws: Floats) -> Floats:
     return np.asarray(draws.std(axis=0, ddof=1) / sqrt(count))
 
 
-def jackknife_error(count: int, value_without: Callable[[int], float]) -> float:
-    """Return the standard error of any function of a mean of replicates.
+def jackknife_error(count: int, value_without: Callable[[int], float | Floats]) -> Floats:
+    """Return the standard error of any function of a mean of replicates, in the shape of its values.
 
     With the values v_r of the function without replicate r it is sqrt((R - 1) / R sum (v_r - mean v)^2).
 
     count : R.  value_without : returns v_r of the number r.
     """
-    if count == 1:
-        return 0.0
     values = np.array([value_without(r) for r in range(count)])
-    return float(sqrt((count - 1) / count * np.sum(np.square(values - values.mean()))))
+    return np.asarray(np.sqrt((count - 1) / count * np.square(values - values.mean(axis=0)).sum(axis=0)))
 
 
 def crossed_choice(draws: Floats, choose: Callable[..., Integers]) -> Integers:

@@ -149,7 +149,7 @@ class LightEstimate:
         and what the drift changes."""
         total, images = self.draws.pixels.sum(axis=0), self.draws.pixels
         rest = max(self.count - 1, 1)
-        noise = jackknife_error(self.count, lambda r: value((total - images[r]) / rest))
+        noise = float(jackknife_error(self.count, lambda r: value((total - images[r]) / rest)))
         if not self.drift.pixels.any():
             return noise
         return hypot(noise, drift_error(value(self.irradiance), [value(image) for image in self.drifted]))

@@ -17,11 +17,12 @@ count, a bilinear r, and the 1.5, as advice.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from optics.base.runtime import Check, UserError
+from optics.base.statistics import jackknife_error
 from optics.light.roads.installation import Installation
 from optics.light.roads.lit_road import LitRoad
 from optics.light.roads.reflection import RoadSurface
@@ -143,8 +144,9 @@ def road_checks(
     values = asked.values(LitRoad(road, lamp), surface)
     errors = np.zeros(len(values))
     if parts:
-        each = [asked.values(LitRoad(road, part), surface) for part in parts]
-        errors = np.std(each, axis=0, ddof=1) / np.sqrt(len(parts))
+        total, rest = sum(part.candela for part in parts), len(parts) - 1
+        others = [replace(lamp, candela=(total - part.candela) / rest) for part in parts]
+        errors = jackknife_error(len(parts), lambda r: asked.values(LitRoad(road, others[r]), surface))
     return [
         Check(what, float(value), limit, unit, at_least=least, error=float(error), subject="light")
         for (what, limit, unit, least), value, error in zip(asked.limits, values, errors)
