@@ -109,9 +109,10 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     irradiance, flux = seen.irradiance, system.problem.flux
     metrics: dict[str, Any] = {"version": METRICS_VERSION}
     metrics |= compare(irradiance, target)
-    metrics |= seen.error_of_rel_l2(target)
+    of_all = seen.error_of_rel_l2(target)
+    metrics |= of_all
     metrics |= contrast_error(metrics, target) if system.target.as_picture else {}
-    sequential = per_area(direct, screen).error_of_rel_l2(target)
+    sequential = per_area(direct, screen).error_of_rel_l2(target) if found.added else of_all
     metrics["rel_l2_sequential"] = sequential["rel_l2_debiased"]
     metrics["rel_l2_sequential_error"] = sequential["rel_l2_error"]
     metrics["paths"] = "all" if found.all_ways else "sequential"
