@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         seen_from,
     )
     from optics.scene.receivers.regions import uniform_region
-    from optics.scene.receivers.screen import Screen, lit_part, with_mirror_images
+    from optics.scene.receivers.screen import Screen as Screen, lit_part, with_mirror_images
     from optics.scene.receivers.smooth_light import smoothest_light
     from optics.scene.receivers.windows import (
         BoxWindow,
