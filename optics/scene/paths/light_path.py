@@ -79,6 +79,11 @@ class Surface:
         """What light goes through: its outline, or what a holder leaves free of it."""
         return self.clear or self.shape.outline
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is a plane across its z without errors."""
+        return self.shape.is_plane and self.slope_error is None and self.height_error is None
+
 
 @dataclass(frozen=True, eq=False)
 class LightPath:
