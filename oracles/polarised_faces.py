@@ -15,8 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thbcad.checks import Floats
+
+Fields = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,3 +109,44 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def _unit(a: Floats) -> Floats:
     return np.asarray(a / np.linalg.norm(a, axis=1, keepdims=True))
+
+
+def unpolarised(direction: Floats) -> Fields:
+    """Return two fields of equal strength across each other and across directions (n, 3), (n, 2, 3)."""
+    helper = np.where(abs(direction[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = _unit(np.cross(direction, helper))
+    return np.stack([first, np.cross(direction, first)], axis=1).astype(complex)
+
+
+def split_fields(
+    fields: Fields, direction: Floats, normal: Floats, eta: Floats
+) -> tuple[tuple[Floats, Fields, Floats], tuple[Floats, Fields]]:
+    """Return (directions, fields, share) of refracted light, and (directions, fields) of reflected light.
+
+    Fields keep their strength, and the share of what is refracted is 0 where all is reflected.
+
+    fields : as of `unpolarised`.  normal : (n, 3), to the side to which light goes.  eta : index before /
+    behind, (n,).
+    """
+    cos_i = _dot(direction, normal)
+    square = 1 - eta**2 * (1 - cos_i**2)
+    cos_t = np.sqrt(square.astype(complex))
+    onward = _unit(eta[:, None] * direction + (cos_t.real - eta * cos_i)[:, None] * normal)
+    mirrored = _unit(direction - 2 * cos_i[:, None] * normal)
+    plane = np.cross(direction, normal)
+    oblique = np.linalg.norm(plane, axis=1, keepdims=True) > 0
+    s = _unit(np.where(oblique, plane, unpolarised(direction)[:, 0].real))
+    along_s, along_p = (np.einsum("nkj,nj->nk", fields, a) for a in (s, np.cross(direction, s)))
+    a, b = eta * cos_i + cos_t, cos_i + eta * cos_t
+
+    def behind(ahead: Floats, s_part: Fields, p_part: Fields) -> Fields:
+        parts = (along_s * s_part[:, None], s), (along_p * p_part[:, None], np.cross(ahead, s))
+        return sum(amplitude[:, :, None] * axis[:, None, :] for amplitude, axis in parts)
+
+    passing = behind(onward, 2 * eta * cos_i / a, 2 * eta * cos_i / b)
+    staying = behind(mirrored, (eta * cos_i - cos_t) / a, (cos_i - eta * cos_t) / b)
+    coming, going, back = ((abs(f) ** 2).sum(axis=(1, 2)) for f in (fields, passing, staying))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(square > 0, cos_t.real / (eta * cos_i) * going / coming, 0.0)
+        passing, staying = (f * np.sqrt(coming / g)[:, None, None] for f, g in ((passing, going), (staying, back)))
+    return (onward, passing, share), (mirrored, np.nan_to_num(staying))
