@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.exchange.verification.traced_faces import dot
 from optics.light.tracing import LandingPoints
@@ -15,21 +17,38 @@ from thbcad.checks import Bools, Floats
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
+Fields: TypeAlias = "Floats | NDArray[np.complex128]"
+
 
 @dataclass(frozen=True, eq=False)
 class RaysBehind:
     """Rays behind faces.
 
     points, directions : (n, 3), mm and unit vectors.  flux : (n,) W, 0 of rays that did not come through.
+    fields : (n, 2, 3), electric fields of two parts of the light that do not interfere, with a mean square of
+        1 together, complex behind total reflection; None is unpolarised light.
     """
 
     points: Floats
     directions: Floats
     flux: Floats
+    fields: Fields | None = None
+
+    @property
+    def polarised(self) -> Fields:
+        """Its fields; those of unpolarised light swing across each other."""
+        if self.fields is not None:
+            return self.fields
+        helper = np.where(np.abs(self.directions[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        first = np.cross(self.directions, helper)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return np.stack([first, np.cross(self.directions, first)], axis=1)
 
     def posed(self, pose: Pose) -> RaysBehind:
         """Return them in a frame in which their own has a pose."""
-        return RaysBehind(pose.points(self.points.T).T, pose.directions(self.directions.T).T, self.flux)
+        points, directions = pose.points(self.points.T).T, pose.directions(self.directions.T).T
+        fields = None if self.fields is None else self.fields @ pose.rotation.T
+        return RaysBehind(points, directions, self.flux, fields)
 
     def landing(self, target: Receiver, stops: Sequence[Stop] = ()) -> LandingPoints:
         """Return where they land, and the flux that arrives.
