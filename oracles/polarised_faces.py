@@ -42,7 +42,8 @@ class SmoothFace:
 class FollowedLight:
     """Light behind the last face.
 
-    direction : (n, 3).  stokes : (n, 4), I, Q, U, V for I = 1 at first.  across : (n, 3), where Q is positive.
+    direction : (n, 3).  stokes : (n, 4), I, Q, U, V for I = 1 at first.
+    across : (n, 3), where Q is positive.
     """
 
     direction: Floats
@@ -148,5 +149,7 @@ def split_fields(
     coming, going, back = ((abs(f) ** 2).sum(axis=(1, 2)) for f in (fields, passing, staying))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(square > 0, cos_t.real / (eta * cos_i) * going / coming, 0.0)
-        passing, staying = (f * np.sqrt(coming / g)[:, None, None] for f, g in ((passing, going), (staying, back)))
+        passing, staying = (
+            f * np.sqrt(coming / g)[:, None, None] for f, g in ((passing, going), (staying, back))
+        )
     return (onward, passing, share), (mirrored, np.nan_to_num(staying))

@@ -125,9 +125,7 @@ def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None
         ray, inside, left = np.tile(ray, 2), np.concatenate([~inside, inside]), np.concatenate(first)
         weak = flux <= threshold * rays.flux[ray]
         account(ray[weak], flux[weak], ["trapped"] * int(weak.sum()))
-        o, d, flux, ray, inside, left, fields = (
-            a[~weak] for a in (o, d, flux, ray, inside, left, fields)
-        )
+        o, d, flux, ray, inside, left, fields = (a[~weak] for a in (o, d, flux, ray, inside, left, fields))
     account(ray, flux, ["trapped"] * len(ray))
     return by_ray, np.hstack(landings)
 

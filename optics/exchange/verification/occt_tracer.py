@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.rays_behind import RaysBehind, across_to
 from thbcad.cad.exchange import face_hits
 from thbcad.checks import Floats
 
@@ -69,8 +69,7 @@ def _refracted(directions: Floats, normals: Floats, eta: float) -> tuple[Floats,
     onward = eta * directions + (b - eta * a)[:, None] * normals
     plane = np.cross(directions, normals)
     oblique = np.linalg.norm(plane, axis=1) > 0
-    helper = np.eye(3)[np.abs(directions).argmin(axis=1)]
-    s = np.where(oblique[:, None], plane, np.cross(directions, helper))
+    s = np.where(oblique[:, None], plane, across_to(directions))
     s /= np.linalg.norm(s, axis=1, keepdims=True)
     p, q = np.cross(directions, s), np.cross(onward, s)
     root = np.where(passes, 2 * np.sqrt(eta * a * b), 0.0)

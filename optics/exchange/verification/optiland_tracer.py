@@ -24,7 +24,7 @@ import numpy as np
 
 from optics.base.runtime import Check
 from optics.exchange.verification.independent_checks import RAYS
-from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.rays_behind import RaysBehind, across_to
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
 from optics.exchange.verification.traced_faces import FaceRim
@@ -254,7 +254,7 @@ def _refracted(
         s_part, p_part = (np.real(jones[:, k, k]) * power for k in (0, 1))
     plane = np.cross(directions, normal)
     size = np.linalg.norm(plane, axis=1, keepdims=True)
-    s = np.where(size > 0, plane, np.cross(directions, np.eye(3)[np.abs(directions).argmin(axis=1)]))
+    s = np.where(size > 0, plane, across_to(directions))
     s /= np.linalg.norm(s, axis=1, keepdims=True)
     across = s_part[:, None, None] * s[:, :, None] * s[:, None, :]
     within = p_part[:, None, None] * np.cross(onward, s)[:, :, None] * np.cross(directions, s)[:, None, :]

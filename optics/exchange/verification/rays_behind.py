@@ -39,9 +39,7 @@ class RaysBehind:
         """Its fields; those of unpolarised light swing across each other."""
         if self.fields is not None:
             return self.fields
-        helper = np.where(np.abs(self.directions[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-        first = np.cross(self.directions, helper)
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        first = across_to(self.directions)
         return np.stack([first, np.cross(self.directions, first)], axis=1)
 
     def posed(self, pose: Pose) -> RaysBehind:
@@ -58,6 +56,12 @@ class RaysBehind:
         landing, meets, length = last_step(self.points, self.directions, target)
         arrives = (self.flux > 0) & meets & passes(stops, self.points, self.directions, length)
         return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, self.flux, 0.0))
+
+
+def across_to(directions: Floats) -> Floats:
+    """Return unit vectors across directions, (n, 3)."""
+    across = np.cross(directions, np.eye(3)[np.abs(directions).argmin(axis=1)])
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
 
 
 def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Bools, Floats]:

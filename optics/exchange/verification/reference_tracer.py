@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime import NumericalError
-from optics.exchange.verification.rays_behind import Fields, RaysBehind, inside, passes
+from optics.exchange.verification.rays_behind import Fields, RaysBehind, across_to, inside, passes
 from optics.exchange.verification.traced_faces import MEETS, ConicFace, FaceRim, Meetings, ParametricFace, dot
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import AIR, LightPath, Stop
@@ -224,33 +224,36 @@ def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Bo
 def _polarised(
     fields: Fields, before: Floats, behind: Floats, normals: Floats, face: FileFace
 ) -> tuple[Floats, Fields]:
-    """Return (the share of the light that goes on, its fields) by Fresnel's amplitudes across the plane of
-    incidence and in it.
-
-    With the cosines a and b of the angles to the normal before and behind the face, light that is refracted
-    has the amplitudes 2 eta a / (eta a + b) and 2 eta a / (a + eta b) and b / (eta a) times their squares as
-    power; light that is reflected has (eta a - b) / (eta a + b) and (a - eta b) / (a + eta b).  A coating has
-    the same share of both; a mirror turns one of them round.
+    """Return (the share of the light that goes on, its fields).
 
     before, behind : directions, (n, 3).  normals : along them.
     """
-    plane = np.cross(before, normals)
+    plane, across = np.cross(before, normals), across_to(before)
     size = np.linalg.norm(plane, axis=1, keepdims=True)
-    s = np.where(size > 0, plane / np.where(size > 0, size, 1.0), RaysBehind(before, before, size).polarised[:, 0])
-    amplitudes = np.einsum("nkj,nj->nk", fields, s), np.einsum("nkj,nj->nk", fields, np.cross(before, s))
-    if face.share is not None or face.eta is None:
-        factors = -1.0 if face.reflects else 1.0, 1.0
-        power = np.full(len(before), 1.0 if face.share is None else face.share)
-    else:
-        eta, a = face.eta, dot(before, normals)
-        square = 1 - eta**2 * (1 - a**2)
-        b = np.sqrt(square + 0j if face.reflects and eta > 1 else np.maximum(square, 0.0))
-        s_sum, p_sum = eta * a + b, a + eta * b
-        if face.reflects:
-            factors, power = ((eta * a - b) / s_sum, (a - eta * b) / p_sum), np.ones(len(a))
-        else:
-            factors, power = (2 * eta * a / s_sum, 2 * eta * a / p_sum), b / (eta * a)
-    s_part, p_part = (amplitude.T * factor for amplitude, factor in zip(amplitudes, factors))
-    onward = s_part.T[:, :, None] * s[:, None] + p_part.T[:, :, None] * np.cross(behind, s)[:, None]
+    s = np.where(size > 0, plane / np.where(size > 0, size, 1.0), across)
+    of_s, of_p, power = _amplitudes(face, dot(before, normals))
+    along_s, along_p = (np.einsum("nkj,nj->nk", fields, axis) for axis in (s, np.cross(before, s)))
+    s_part = (of_s[:, None] * along_s)[:, :, None] * s[:, None]
+    onward = s_part + (of_p[:, None] * along_p)[:, :, None] * np.cross(behind, s)[:, None]
     strength = (np.abs(onward) ** 2).sum(axis=(1, 2)) / 2
     return power * strength, onward / np.sqrt(np.where(strength > 0, strength, 1.0))[:, None, None]
+
+
+def _amplitudes(face: FileFace, cosine: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the amplitudes of fields across the plane of incidence and in it, and the power of their square.
+
+    With the cosines a and b of the angles to the normal before and behind the face, light that is refracted
+    has the amplitudes 2 eta a / (eta a + b) and 2 eta a / (a + eta b), and b / (eta a) times their squares as
+    power.  Light that is reflected has (eta a - b) / (eta a + b) and (a - eta b) / (a + eta b), complex where
+    all of it is.  A coating has the same share of both, and a mirror turns one of them round.
+    """
+    one = np.ones(len(cosine))
+    if face.share is not None or face.eta is None:
+        return -one if face.reflects else one, one, one * (1.0 if face.share is None else face.share)
+    eta, a = face.eta, cosine
+    square = 1 - eta**2 * (1 - a**2)
+    if not face.reflects:
+        b = np.sqrt(np.maximum(square, 0.0))
+        return 2 * eta * a / (eta * a + b), 2 * eta * a / (a + eta * b), b / (eta * a)
+    b = np.sqrt(square + 0j if eta > 1 else square)
+    return (eta * a - b) / (eta * a + b), (a - eta * b) / (a + eta * b), one
