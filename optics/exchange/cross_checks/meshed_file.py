@@ -1,11 +1,12 @@
 """The optical faces of a STEP file as meshes that Mitsuba traces.
 
-OCCT evaluates points and normals of the faces at their knots and at equal steps between.  Mitsuba finds where
-rays meet the triangles, interpolates the normals, and gives Fresnel's amplitudes and Snell's direction.  The
-order front, rear, target is ours, and so are the planes of incidence in which the polarisation is carried.  Positions err by h^2 / 8 of the curvature and slopes by h^2 / 8 of
-their second derivative, with the spacing h of the nodes.  Every second node makes a mesh whose landing points
-are farther off by three errors of the first one (root mean square, nearly: linear interpolation between every
-second of equal steps differs from that between all by sqrt(10) times its error there).
+OCCT evaluates points and normals of the faces at their knots and at equal steps between. Mitsuba finds where
+rays meet the triangles, interpolates the normals, and gives Fresnel's amplitudes and Snell's direction. The
+order front, rear, target is ours, and so are the planes of incidence in which the polarisation is carried.
+Positions err by h^2 / 8 of the curvature and slopes by h^2 / 8 of their second derivative, with the spacing h
+of the nodes. Every second node makes a mesh whose landing points are farther off by three errors of the first
+one (root mean square, nearly: linear interpolation between every second of equal steps differs from that
+between all by sqrt(10) times its error there).
 """
 
 from __future__ import annotations

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
         passing_share,
         passing_words,
         photometric_lines,
+        polarisation_change,
+        polarisation_note,
         uniformity_metrics,
     )
 

@@ -26,6 +26,7 @@ from optics.light.analysis.light_of_wavelengths import colour_metrics, light_of_
 from optics.light.analysis.photometric_metrics import (
     beam_metrics,
     photometric_metrics,
+    polarisation_change,
     uniformity_metrics,
     zone_metrics,
 )
@@ -115,6 +116,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray_error"] = found.everywhere.off_error / flux
     metrics |= photometric_metrics(system, screen, light.over(shown), blur)
     metrics |= _zones(system, path, lens, light, found.added, backend)
+    metrics |= polarisation_change(system, path, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if found.past and found.past.missed:
         metrics["past_elements"] = found.past.shares(light.on_target, flux)

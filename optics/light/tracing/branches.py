@@ -14,8 +14,15 @@ from optics.light.intersections import DeviceRays, Stokes, Vector
 from optics.light.tracing.body_faces import Face, body_faces, plate_faces
 from optics.light.tracing.fates import FATES
 from optics.light.tracing.lens_faces import lens_faces
-from optics.light.tracing.polarisation import Mueller, at_face, reflection, selected, transmission, uniform
-from optics.light.tracing.refraction import refract
+from optics.light.tracing.refraction import (
+    Mueller,
+    at_face,
+    reflection,
+    refract,
+    selected,
+    transmission,
+    uniform,
+)
 from optics.scene.paths import BARE, Coats
 from optics.scene.sources import Rays
 from thbcad.checks import Floats

@@ -30,7 +30,7 @@ from optics.light.intersections import (
 from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates, by_name
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.obstructions import Obstruction, ShadingBody
-from optics.light.tracing.polarisation import polarising
+from optics.light.tracing.refraction import polarising
 from optics.light.tracing.traced_surface import (
     Passage,
     TracedSurface,
@@ -98,9 +98,9 @@ class Tracer:
         self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
         starts = path.before if isinstance(rays, RayGrid) else rays.origin[2].max()
         self._obstructions = self._in_the_way(max(0.0, path.emitted - starts))
+        self._polarised_behind = polarising(path, rays) if self._polarised else range(0)
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
-            self._between = self._polarising(True)
             # meeting points with the second surface are known, and the grid lies within the plane's rectangle
             second, direction = self._surfaces[1].hits, (0.0, 0.0, 1.0)
             assert isinstance(second, KnownHits)
@@ -112,18 +112,13 @@ class Tracer:
             self._fixed = [(None, Passage(before, True, hit, True, self._flux, entering, blocked))]
             self._behind = DeviceRays(origin, direction, entering)
             return
-        single = rays.rays(path.before).posed(self._frames[0].inverse())
-        self._between = self._polarising(not single.direction[:2].any())
-        self._source = self._behind = on_device(backend, single, self._flux)
+        single = rays.rays(path.before)
+        self._source = self._behind = on_device(backend, single.posed(self._frames[0].inverse()), self._flux)
         for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
             step, self._behind = self._over(k, self._behind, None)
             self._fixed.append(step)
             behind = self._behind
             backend.dr.eval(behind.origin, behind.direction, behind.flux, behind.stokes)
-
-    def _polarising(self, along_axis: bool) -> range:
-        """Return `polarising` of its surfaces, none where light is not polarised."""
-        return polarising(self._path.surfaces, along_axis) if self._polarised else range(0)
 
     def trace(self, coefficients: Coefficients | None = None) -> tuple[list[Hits], Landing]:
         """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves."""
@@ -193,7 +188,7 @@ class Tracer:
         hits = surface.meet(rays, net)
         leaves.extend(hits.leaves)
         hit, blocked, again = self._kept(k, rays, hits)
-        passage, direction, stokes = surface.passed(rays, hits, hit, blocked, k in self._between)
+        passage, direction, stokes = surface.passed(rays, hits, hit, blocked, k in self._polarised_behind)
         passage = replace(passage, again=again)
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:

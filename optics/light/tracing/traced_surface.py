@@ -25,8 +25,15 @@ from optics.light.intersections import (
     rim_fade,
 )
 from optics.light.tracing.obstructions import Obstruction
-from optics.light.tracing.polarisation import Mueller, at_face, reflection, transmission, uniform
-from optics.light.tracing.refraction import reflect, refract
+from optics.light.tracing.refraction import (
+    Mueller,
+    at_face,
+    reflect,
+    reflection,
+    refract,
+    transmission,
+    uniform,
+)
 from optics.scene.paths import LightPath, Medium, Surface
 from optics.scene.sources import RayGrid
 from thbcad.checks import Floats
