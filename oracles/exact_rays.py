@@ -222,8 +222,8 @@ def _refract(direction: Exact, normal: Exact, eta: Decimal) -> tuple[Exact, Exac
 def _passing(front: Exact, rear: Exact, planes: Sequence[Exact], between: Exact) -> Exact:
     """Return what two faces pass of unpolarised light, m M + h H cos 2a.
 
-    m, h of the front and M, H of the rear are half the sum and half the difference of the transmittances of s and p, a is the angle
-    between the planes of incidence about the direction between.
+    m, h of the front and M, H of the rear are half the sum and half the difference of the transmittances of s
+    and p; a is the angle between the planes of incidence about the direction between.
     """
     (mean, half), (mean_rear, half_rear) = (((s + p) / 2, (s - p) / 2) for s, p in (front, rear))
     along, across = sum(planes[0] * planes[1]), sum(np.cross(*planes, axis=0) * between)
