@@ -1,13 +1,16 @@
 """Polarisation from face to face, against Mueller matrices in numpy."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from optics.light.tracing import TargetArea, Tracer, trace_nonsequential, transmittances
+from optics.light.tracing import TargetArea, Tracer, polarising, trace_nonsequential, transmittances
 from optics.scene.paths import AIR, LightPath, Medium, Surface
 from optics.scene.receivers import FarField, receiver_at
-from optics.scene.sources import Rays
+from optics.scene.sources import Rays, point_rays
 from oracles.polarised_faces import SmoothFace, follow
+from tests.optics.cases import TARGET_Z, hollow_lens, rough
 from tests.optics.light.tracing.polarised_paths import (
     APART,
     SEQUENCES,
@@ -98,3 +101,26 @@ def test_a_tilted_plate_and_its_ghost(backend):
     assert Tracer(backend, LightPath.through(plate, area.receiver, 0.0), ray).landed().flux.numpy() == (
         pytest.approx([0.914078], abs=5e-7)
     )
+
+
+def test_derivatives_of_the_flux_follow_the_polarisation(backend):
+    """Of two rough faces that rays meet obliquely, against central differences."""
+    rng = np.random.default_rng(2)
+    lens = hollow_lens(partial(rough, height=0.5), partial(rough, height=0.5, seed=6))
+    path = LightPath.through(lens, receiver_at(TARGET_Z), 0.0)
+    rays = point_rays(
+        distance=2.0, flux=1.0, half_angle=30.0, exponent=0.0, counts=(21, 21), shift=(0.3, 0.2)
+    )
+    assert polarising(path, rays)
+    tracer, at = Tracer(backend, path, rays), [sag.coefficients for sag in path.sags]
+    directions = [rng.standard_normal(c.size) for c in at]
+
+    def flux(step):
+        landing = tracer.trace([c + step * d for c, d in zip(at, directions)])[1]
+        return backend.dr.sum(landing.flux).numpy()[0]
+
+    hits, landing = tracer.trace(at)
+    backend.dr.backward(backend.dr.sum(landing.flux))
+    found = sum(d @ g for d, g in zip(directions, tracer.pull_back(hits)))
+    step = 1e-5
+    assert found == pytest.approx((flux(step) - flux(-step)) / (2 * step), rel=1e-6)
