@@ -20,7 +20,8 @@ from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
 RATIOS = "min_over_mean", "min_over_max", "rsd"  # of a Uniformity, with their errors
-POLARISED_RAYS, POLARISED = (129, 129), 0.001  # that tell the change by polarisation; what is worth a note
+# rays that tell the change by polarisation, their stream of random numbers, and what is worth a note
+POLARISED_RAYS, POLARISED_STREAM, POLARISED = (129, 129), 4, 0.001
 JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
 
 
@@ -208,7 +209,8 @@ def polarisation_change(system: OpticalSystem, path: LightPath, backend: Backend
 
     backend : of double precision.
     """
-    rays, half_width = system.source.rays(POLARISED_RAYS), system.target.settings.half_width
+    fresh = np.random.default_rng((system.problem.run.seed, POLARISED_STREAM))
+    rays, half_width = system.source.rays(POLARISED_RAYS, fresh), system.target.settings.half_width
     if not polarising(path, rays):
         return {}
     tracers = (Tracer(backend, path, rays, polarised=polarised) for polarised in (True, False))

@@ -91,8 +91,8 @@ class Meetings:
     """What branches meet next, (m,) or (3, m).
 
     face : FRONT, REAR, EDGE, NEIGHBOUR, NEVER where they leave, or UNDECIDED.
-    transmittance : of the light as it is polarised.  passing, staying : Stokes parameters of what is
-        refracted and of what is reflected, along `across`.
+    transmittance : of the light as it is polarised.  mean : of unpolarised light.
+    passing, staying : Stokes parameters of what is refracted and of what is reflected, along `across`.
     absorbed : (m,), at a rounded edge.
     """
 
@@ -101,6 +101,7 @@ class Meetings:
     refracted: Floats
     reflected: Floats
     transmittance: Floats
+    mean: Floats
     passing: Floats
     staying: Floats
     across: Floats
@@ -146,13 +147,13 @@ class ClosedLens:
             path, nx, ny, nz, face, doubt = self._first(rays, self._faces)
         face = dr.select(doubt < path, float(UNDECIDED), face)
         x, y, z = (dr.select(rays.inside, n, -n) for n in (nx, ny, nz))
-        refracted, reflected, *matrices = self._split(rays, (x, y, z), face)
+        refracted, reflected, through, back = self._split(rays, (x, y, z), face)
         stokes = self._stokes(branches)
         (transmittance, passing), (_, staying) = (
-            at_face(dr, stokes, rays.direction, (x, y, z), matrix) for matrix in matrices
+            at_face(dr, stokes, rays.direction, (x, y, z), matrix) for matrix in (through, back)
         )
         point = rays.at(path)
-        dr.eval(face, point, refracted, reflected, transmittance, passing, staying)
+        dr.eval(face, point, refracted, reflected, transmittance, through.mean, passing, staying)
         faces, points = face.numpy().astype(np.int8), _rows(point)
         absorbed = np.zeros(len(faces), dtype=bool)
         if self._rounded is not None:
@@ -164,6 +165,7 @@ class ClosedLens:
             refracted=_rows(refracted),
             reflected=_rows(reflected),
             transmittance=transmittance.numpy(),
+            mean=through.mean.numpy(),
             passing=_rows((passing.q, passing.u, passing.v)),
             staying=_rows((staying.q, staying.u, staying.v)),
             across=_rows(passing.across),
@@ -291,9 +293,14 @@ class BranchAccount:
 
 
 def indirectly_onto_rear(branches: Branches, meetings: Meetings) -> Branches:
-    """Return the branches within, by no direct path, that meet a rear which lets some of them through."""
+    """Return the branches within, by no direct path, that meet a rear which lets some of them through.
+
+    Their flux is that of unpolarised light of which the rear lets as much through.
+    """
     within = branches.inside & (branches.stage == INDIRECT)
-    return branches[within & (meetings.face == REAR) & (meetings.transmittance > 0)]
+    met = within & (meetings.face == REAR) & (meetings.transmittance > 0)
+    light, passing = branches[met], meetings[met]
+    return replace(light, flux=light.flux * passing.transmittance / passing.mean)
 
 
 def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
