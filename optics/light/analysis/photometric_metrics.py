@@ -21,7 +21,7 @@ from thbcad.checks import Floats
 KILO = 1000  # lumens, to which cd/klm refers
 RATIOS = "min_over_mean", "min_over_max", "rsd"  # of a Uniformity, with their errors
 # rays that tell the change by polarisation, their stream of random numbers, and what is worth a note
-POLARISED_RAYS, POLARISED_STREAM, POLARISED = (129, 129), 4, 0.001
+POLARISED_RAYS, POLARISED_STREAM, POLARISED = (65, 65), 4, 0.001
 JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
 
 
