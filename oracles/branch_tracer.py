@@ -6,6 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from optics.light.tracing import FATES
+from oracles.polarised_faces import split_fields, unpolarised
 from thbcad.outlines import Outline
 
 INDEX = 1.5
@@ -123,9 +124,9 @@ def trace_one(solid, ray, target, threshold, absorbing_wall=False, landings=None
     """
     flux = dict.fromkeys(FATES, 0.0)
     start, direction, power = ray
-    stack = [(start, direction, power, False, None, None, 0)]
+    stack = [(start, direction, power, False, None, None, 0, unpolarised(direction[None]))]
     while stack:
-        origin, d, share, inside, own, left, met = stack.pop()
+        origin, d, share, inside, own, left, met, fields = stack.pop()
         meeting = solid(origin, d, inside, own)
         if meeting is None:
             fate = "failed" if inside else escape(origin, d, left, target)
@@ -143,40 +144,15 @@ def trace_one(solid, ray, target, threshold, absorbing_wall=False, landings=None
             continue
         normal = normal if inside else -normal
         eta = INDEX if inside else 1 / INDEX
-        cosine = min(d @ normal, 1.0)
-        square = 1 - eta**2 * (1 - cosine**2)
-        passed = 0.0
-        if square > 0:
-            behind = np.sqrt(square)
-            ratios = (
-                (eta * cosine - behind) / (eta * cosine + behind),
-                (cosine - eta * behind) / (cosine + eta * behind),
-            )
-            passed = 1 - 0.5 * (ratios[0] ** 2 + ratios[1] ** 2)
-            onward = eta * d + (behind - eta * cosine) * normal
+        refracted, reflected = split_fields(fields, d[None], normal[None], np.array([eta]))
+        onward, passing, (passed,) = refracted
+        if passed > 0:
             exit_face = ("front_", "", "edges_")[kind] if inside else left
-            branch = (
-                point,
-                onward / np.linalg.norm(onward),
-                passed * share,
-                not inside,
-                face,
-                exit_face,
-                met + 1,
-            )
+            branch = (point, onward[0], passed * share, not inside, face, exit_face, met + 1, passing)
             drop(stack, branch, flux, threshold * power)
-        mirrored = d - 2 * cosine * normal
-        branch = (
-            point,
-            mirrored / np.linalg.norm(mirrored),
-            share - passed * share,
-            inside,
-            face,
-            left or "outside",
-            met + 1,
-        )
-        if left == "":
-            branch = (*branch[:5], left, met + 1)
+        mirrored, staying = reflected
+        outside = left if left == "" else left or "outside"
+        branch = (point, mirrored[0], share - passed * share, inside, face, outside, met + 1, staying)
         drop(stack, branch, flux, threshold * power)
     return np.array([flux[name] for name in FATES])
 

@@ -105,10 +105,12 @@ def exact_trace(setup: Setup) -> Traced:
         direction = direction / _root(sum(direction * direction))
         index, thickness, distance = (Decimal(a) for a in (setup.index, setup.thickness, setup.distance))
         point, normal, met = _meet(setup.front, origin, direction)
-        direction, share, entered = _refract(direction, normal, 1 / index)
+        planes, before = [np.cross(direction, normal, axis=0)], direction
+        direction, at_front, entered = _refract(direction, normal, 1 / index)
         point = np.stack([point[0], point[1], point[2] - thickness])
         point, normal, hit = _meet(setup.rear, point, direction)
-        direction, share_rear, passes = _refract(direction, normal, index)
+        planes, before = [*planes, np.cross(direction, normal, axis=0)], direction
+        direction, at_rear, passes = _refract(direction, normal, index)
         passes = passes & (direction[2] > 0)
         fate = np.where(met & entered, np.where(hit, np.where(passes, ARRIVES, TOTAL), MISSED), BESIDE)
         arrives = fate == ARRIVES
@@ -116,7 +118,10 @@ def exact_trace(setup: Setup) -> Traced:
         landing = point[:2] + (distance - point[2]) * across if distance.is_finite() else _degrees(across)
         return Traced(
             fate,
-            *(np.where(arrives, r, Decimal(0)) for r in (*landing, share * share_rear)),
+            *(
+                np.where(arrives, r, Decimal(0))
+                for r in (*landing, _passing(at_front, at_rear, planes, before))
+            ),
         )
 
 
@@ -201,8 +206,8 @@ def _meet(quadric: Quadric, origin: Exact, direction: Exact) -> tuple[Exact, Exa
 
 
 def _refract(direction: Exact, normal: Exact, eta: Decimal) -> tuple[Exact, Exact, NDArray[np.bool_]]:
-    """Return (directions, transmittance, passes): Snell's law as vectors, Fresnel's amplitudes for
-    unpolarised light."""
+    """Return (directions, transmittances of s and of p, passes): Snell's law as vectors, Fresnel's
+    amplitudes."""
     cos_i = sum(direction * normal)
     square = 1 - eta * eta * (1 - cos_i * cos_i)
     passes = ((square > 0) & (cos_i > 0)).astype(bool)
@@ -210,8 +215,21 @@ def _refract(direction: Exact, normal: Exact, eta: Decimal) -> tuple[Exact, Exac
     reflected = [
         (p - q) / np.where(p + q != 0, p + q, 1) for p, q in ((eta * cos_i, cos_t), (cos_i, eta * cos_t))
     ]
-    share = 1 - sum(r * r for r in reflected) / 2
-    return eta * direction + (cos_t - eta * cos_i) * normal, np.where(passes, share, Decimal(0)), passes
+    shares = np.stack([np.where(passes, 1 - r * r, Decimal(0)) for r in reflected])
+    return eta * direction + (cos_t - eta * cos_i) * normal, shares, passes
+
+
+def _passing(front: Exact, rear: Exact, planes: Sequence[Exact], between: Exact) -> Exact:
+    """Return what two faces pass of unpolarised light, m M + h H cos 2a.
+
+    m, h of the front and M, H of the rear are half the sum and half the difference of the transmittances of s
+    and p; a is the angle between the planes of incidence about the direction between.
+    """
+    (mean, half), (mean_rear, half_rear) = (((s + p) / 2, (s - p) / 2) for s, p in (front, rear))
+    along, across = sum(planes[0] * planes[1]), sum(np.cross(*planes, axis=0) * between)
+    size = along * along + across * across
+    twice = (along * along - across * across) / np.where(size > 0, size, Decimal(1))
+    return mean * mean_rear + half * half_rear * twice
 
 
 def _degrees(tangent: Exact) -> Exact:

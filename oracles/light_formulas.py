@@ -61,41 +61,51 @@ def brute_irradiance(screen, window, x, y, flux):
 
 
 def fresnel(angle, before, behind):
-    """Return the transmittance of unpolarised light at an angle of incidence (sine and tangent form)."""
+    """Return the transmittance of unpolarised light at an angle of incidence."""
+    return np.mean(fresnel_parts(angle, before, behind), axis=0)
+
+
+def fresnel_parts(angle, before, behind):
+    """Return the transmittances of s and of p at an angle of incidence (sine and tangent form)."""
     i = np.asarray(angle, dtype=float)
     t = np.arcsin(np.sin(i) * before / behind)
     straight, some = ((before - behind) / (before + behind)) ** 2, np.where(i == 0, 1.0, i + t)
-    parts = (np.sin(i - t) / np.sin(some)) ** 2 + (np.tan(i - t) / np.tan(some)) ** 2
-    return 1 - np.where(i == 0, straight, 0.5 * parts)
+    parts = (np.sin(i - t) / np.sin(some)) ** 2, (np.tan(i - t) / np.tan(some)) ** 2
+    return np.stack([1 - np.where(i == 0, straight, part) for part in parts])
 
 
 @dataclass(frozen=True)
 class Meridional:
-    """A ray in a plane that holds the axis: height r and position z in mm, angle to the axis, share of its
-    flux."""
+    """A ray in a plane that holds the axis: height r and position z in mm, angle to the axis, shares of its
+    flux across that plane and in it, (2, n)."""
 
     r: np.ndarray
     z: np.ndarray
     angle: np.ndarray
-    share: np.ndarray
+    shares: np.ndarray
+
+    @property
+    def share(self):
+        """Of its flux, unpolarised at first."""
+        return self.shares.mean(axis=0)
 
     def to(self, z):
         """Return the ray where it meets the plane z."""
-        return Meridional(self.r + (z - self.z) * np.tan(self.angle), z, self.angle, self.share)
+        return Meridional(self.r + (z - self.z) * np.tan(self.angle), z, self.angle, self.shares)
 
     def refracted(self, slope, before, behind):
         """Return the ray behind a surface with slope dz/dr, by Snell's law in angles."""
         tilt = np.arctan(slope)  # the normal leans by this much towards -r
         incident = self.angle + tilt
         behind_normal = np.arcsin(np.sin(incident) * before / behind)
-        share = self.share * fresnel(np.abs(incident), before, behind)
-        return Meridional(self.r, self.z, behind_normal - tilt, share)
+        shares = self.shares * fresnel_parts(np.abs(incident), before, behind)
+        return Meridional(self.r, self.z, behind_normal - tilt, shares)
 
 
 def meridional(r):
     """Return rays along the axis at heights r, before the lens at z = 0."""
     r = np.asarray(r, dtype=float)
-    return Meridional(r, np.zeros_like(r), np.zeros_like(r), np.ones_like(r))
+    return Meridional(r, np.zeros_like(r), np.zeros_like(r), np.ones((2, *r.shape)))
 
 
 def refracted_vector(direction, normal, eta):

@@ -14,6 +14,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
 
 from optics.light.tracing import FATES
+from oracles.polarised_faces import split_fields, unpolarised
 from thbcad.cad.exchange import first_hit, read_step
 from thbcad.cad.occt_names import ShapeNumbers, as_face
 
@@ -92,6 +93,7 @@ def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None
 
     o, d, flux, ray = rays.origin.T, rays.direction.T, rays.flux, np.arange(len(rays.flux))
     inside, left = np.zeros(len(ray), dtype=bool), np.full(len(ray), "none", dtype="<U9")
+    fields = unpolarised(d)
     for _ in range(65):
         point, normal, met = faces.meet(o, d)
         gone = met == ""
@@ -113,15 +115,17 @@ def file_branches(path, rays, index, target, threshold, absorbing=(), clear=None
         if not on.any():
             return by_ray, np.hstack(landings)
         point, normal, met = point[on], normal[on], met[on]
-        d, flux, ray, inside, left = d[on], flux[on], ray[on], inside[on], left[on]
-        onward, mirrored, passed = fresnel_split(d, normal, np.where(inside, index, 1 / index))
+        d, flux, ray, inside, left, fields = (a[on] for a in (d, flux, ray, inside, left, fields))
+        eta = np.where(inside, index, 1 / index)
+        (onward, passing, passed), (mirrored, staying) = split_fields(fields, d, towards(d, normal), eta)
         first = np.where(inside, met, left), np.where(~inside & (left == "none"), "outside", left)
         o, d = np.concatenate([point, point]), np.concatenate([onward, mirrored])
+        fields = np.concatenate([passing, staying])
         flux = np.concatenate([flux * passed, flux * (1 - passed)])
         ray, inside, left = np.tile(ray, 2), np.concatenate([~inside, inside]), np.concatenate(first)
         weak = flux <= threshold * rays.flux[ray]
         account(ray[weak], flux[weak], ["trapped"] * int(weak.sum()))
-        o, d, flux, ray, inside, left = (a[~weak] for a in (o, d, flux, ray, inside, left))
+        o, d, flux, ray, inside, left, fields = (a[~weak] for a in (o, d, flux, ray, inside, left, fields))
     account(ray, flux, ["trapped"] * len(ray))
     return by_ray, np.hstack(landings)
 
@@ -134,6 +138,7 @@ def file_sequence(path, rays, index, target, clear=None):
     """
     faces = faces_of(path, path.stat().st_mtime_ns)
     o, d, flux = rays.origin.T, rays.direction.T, np.array(rays.flux)
+    fields = unpolarised(d)
     goes, fates = np.ones(len(flux), dtype=bool), {"blocked": np.zeros(len(flux)), "total_internal": 0.0}
 
     def ended(fate, where):
@@ -144,7 +149,7 @@ def file_sequence(path, rays, index, target, clear=None):
         point, normal, met = faces.meet(o, d)
         goes = ended(missed, met != face)
         goes = ended("blocked", beside(point, met, clear))
-        onward, _, passed = fresnel_split(d, normal, np.full(len(flux), eta))
+        (onward, fields, passed), _ = split_fields(fields, d, towards(d, normal), np.full(len(flux), eta))
         goes = ended("total_internal", passed == 0)
         o, d = (np.where(goes[:, None], new, old) for old, new in ((o, point), (d, onward)))
         fates[f"{face}_reflected"] = np.where(goes, flux * (1 - passed), 0.0)
@@ -168,14 +173,6 @@ def escape(left, forward, onto):
     return PREFIX.get(left, "edges_") + ("on_target" if onto else "off_target") if forward else "back"
 
 
-def fresnel_split(d, normal, eta):
-    """Return refracted and reflected directions, and the transmittance, 0 of total reflection."""
-    cosine = np.einsum("ij,ij->i", d, normal)
-    normal, cosine = normal * np.sign(cosine)[:, None], np.abs(cosine)
-    square = 1 - eta**2 * (1 - cosine**2)
-    behind = np.sqrt(np.maximum(square, 0.0))
-    r_s = (eta * cosine - behind) / (eta * cosine + behind)
-    r_p = (cosine - eta * behind) / (cosine + eta * behind)
-    onward = eta[:, None] * d + (behind - eta * cosine)[:, None] * normal
-    onward /= np.linalg.norm(onward, axis=1, keepdims=True)
-    return onward, d - 2 * cosine[:, None] * normal, np.where(square > 0, 1 - (r_s**2 + r_p**2) / 2, 0.0)
+def towards(d, normal):
+    """Return normals to the side to which light goes."""
+    return normal * np.sign(np.einsum("ij,ij->i", d, normal))[:, None]

@@ -71,7 +71,8 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     lens, target, flux = lens or system.lens, system.target, system.problem.flux
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
     path = system.path(lens)
-    tracer = Tracer(backend, path if optimizer.fresnel else path.without_reflection(), rays)
+    path = path if optimizer.fresnel else path.without_reflection()
+    tracer = Tracer(backend, path, rays, polarised=False)  # as the light that is optimised
     _, landing = tracer.trace()
     fates = tracer.fates(landing, target.settings.half_width)
     if fates.transmitted < 1e-3 * flux:

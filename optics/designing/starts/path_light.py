@@ -39,7 +39,7 @@ def light_on(
     cells = source.without_extent().cells([each * n for n in counts])
     rays, screen = cells.rays(), Screen(half, counts)
     with dr.suspend_grad():
-        hits, along, flux = Tracer(backend, path, rays, proven=False).at(surface)
+        hits, along, flux = Tracer(backend, path, rays, proven=False, polarised=False).at(surface)
         mapped = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
 
         def laid(share: DrArray | float) -> Floats:

@@ -1,11 +1,12 @@
 """The optical faces of a STEP file as meshes that Mitsuba traces.
 
-OCCT evaluates points and normals of the faces at their knots and at equal steps between.  Mitsuba finds where
-rays meet the triangles, interpolates the normals, and gives Fresnel's reflectance and Snell's direction; only
-the order front, rear, target is ours.  Positions err by h^2 / 8 of the curvature and slopes by h^2 / 8 of
-their second derivative, with the spacing h of the nodes.  Every second node makes a mesh whose landing points
-are farther off by three errors of the first one (root mean square, nearly: linear interpolation between every
-second of equal steps differs from that between all by sqrt(10) times its error there).
+OCCT evaluates points and normals of the faces at their knots and at equal steps between. Mitsuba finds where
+rays meet the triangles, interpolates the normals, and gives Fresnel's amplitudes and Snell's direction. The
+order front, rear, target is ours, and so are the planes of incidence in which the polarisation is carried.
+Positions err by h^2 / 8 of the curvature and slopes by h^2 / 8 of their second derivative, with the spacing h
+of the nodes. Every second node makes a mesh whose landing points are farther off by three errors of the first
+one (root mean square, nearly: linear interpolation between every second of equal steps differs from that
+between all by sqrt(10) times its error there).
 """
 
 from __future__ import annotations
@@ -98,25 +99,46 @@ class MeshedLens:
         mi, dr, array = self._mitsuba, self._backend.dr, self._backend.array
         point = mi.Point3f(*map(array, rays.origin))
         onward = mi.Vector3f(*map(array, rays.direction))
-        flux = array(rays.flux)
+        flux, across = array(rays.flux), mi.coordinate_system(onward)[0]
+        fields = [across, dr.cross(onward, across)]  # of unpolarised light, of strength 1
         for scene, outline, outside in zip(self._scenes, self._outlines, (True, False)):
             met = scene.ray_intersect(
                 mi.Ray3f(point, onward), mi.RayFlags.All, coherent=False, active=flux > 0
             )
             normal = met.sh_frame.n
             cosine = -dr.dot(onward, normal)
-            reflected, behind, _, ratio = mi.fresnel(cosine, self._index)
-            passes = met.is_valid() & (cosine > 0 if outside else cosine < 0)
+            r_s, r_p, behind, _, ratio = mi.fresnel_polarized(cosine, self._index)
+            # of a total reflection Mitsuba gives the cosine 0 behind the face
+            passes = met.is_valid() & (behind != 0) & (cosine > 0 if outside else cosine < 0)
+            ahead = mi.refract(-onward, normal, behind, ratio.real)
+            fields = self._behind(fields, (onward, ahead), normal, (r_s, r_p))
+            strength = dr.select(passes, sum(map(dr.squared_norm, fields)) / 2, 0)
+            fields = [field * dr.rsqrt(dr.select(strength > 0, strength, 1)) for field in fields]
             if not outline.is_rectangle:
                 passes &= gauge(self._backend, outline, met.p.x, met.p.y) <= 1
-            flux = dr.select(passes, flux * (1 - reflected), 0)
-            point, onward = met.p, mi.refract(-onward, normal, behind, ratio)
+            flux = dr.select(passes, flux * strength, 0)
+            point, onward = met.p, ahead
         every = (*(getattr(v, axis) for v in (point, onward) for axis in "xyz"), flux)
         dr.eval(every)
         *ends, weight = (a.numpy().astype(np.float64) for a in every)
         landing, meets, _ = last_step(np.stack(ends[:3], axis=1), np.stack(ends[3:], axis=1), self._target)
         arrives = (weight > 0) & (ends[5] > 0) & meets
         return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, weight, 0.0))
+
+    def _behind(
+        self, fields: Sequence[Any], onward: tuple[Any, Any], normal: Any, reflected: tuple[Any, Any]
+    ) -> list[Any]:
+        """Return fields behind a face, whose squares are powers.
+
+        onward : directions before and behind it.  reflected : amplitudes across the plane of incidence and in
+            it.
+        """
+        dr, (before, behind) = self._backend.dr, onward
+        plane = dr.cross(before, normal)
+        s = dr.select(dr.any(plane != 0), dr.normalize(plane), self._mitsuba.coordinate_system(before)[0])
+        t_s, t_p = (dr.sqrt(dr.maximum(1 - dr.squared_norm(r), 0)) for r in reflected)
+        p, q = dr.cross(before, s), dr.cross(behind, s)
+        return [t_s * dr.dot(field, s) * s + t_p * dr.dot(field, p) * q for field in fields]
 
 
 def _scene(mitsuba: Any, nodes: FaceNodes) -> Any:

@@ -93,7 +93,7 @@ class Told:
         system, source, path = self.system, self.system.problem.source, self.system.path(self.lens)
         screen, receiver = system.target.screen(), system.target.receiver
         losses = [
-            "Fresnel's, unpolarised" if s.share is None else f"a coating that lets {s.share:.6g} through"
+            "Fresnel's with polarisation" if s.share is None else f"a coating that lets {s.share:.6g} through"
             for s in path.surfaces
         ]
         (u, v), lines = screen.half_width, len(system.wavelengths)

@@ -24,7 +24,7 @@ import numpy as np
 
 from optics.base.runtime import Check
 from optics.exchange.verification.independent_checks import RAYS
-from optics.exchange.verification.rays_behind import RaysBehind
+from optics.exchange.verification.rays_behind import RaysBehind, across_to
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
 from optics.exchange.verification.traced_faces import FaceRim
@@ -74,7 +74,7 @@ def optiland_through(
 ) -> RaysBehind:
     """Trace rays through two faces, by optiland.
 
-    The flux behind a face is the mean of both polarisations by optiland's Fresnel amplitudes.
+    Polarisation is carried by optiland's Fresnel amplitudes across the plane of incidence and in it.
 
     front, rear : as `optical_forms`, mm; splines have x along u and y along v.
     index : None is a mirror, whose front reflects all.
@@ -83,6 +83,7 @@ def optiland_through(
     Raises ImportError : optiland is not installed.
     """
     points, onward, weight = rays.points.copy(), rays.directions.copy(), rays.flux.copy()
+    fields = rays.polarised.copy()
     faces: list[tuple[OpticalForm, tuple[float, float] | None]] = [(front, None)]
     if index is not None:
         faces = [(front, (1.0, index)), (rear, (index, 1.0))]
@@ -91,15 +92,19 @@ def optiland_through(
             every = np.flatnonzero(weight > 0)
             for first in range(0, len(every), AT_ONCE):
                 lit = every[first : first + AT_ONCE]
-                met, along, transmittance = _through(surface, points[lit], onward[lit], indices)
+                met, along, matrix = _through(surface, points[lit], onward[lit], indices)
+                swinging = np.einsum("nij,nkj->nki", matrix, fields[lit])
+                transmittance = (np.abs(swinging) ** 2).sum(axis=(1, 2)) / 2
                 passes = transmittance > 0
                 if rims:
                     passes[passes] = rims[k].holds(met[passes, :2])
                 points[lit[passes]], onward[lit[passes]] = met[passes], along[passes]
+                strength = np.sqrt(transmittance[passes])[:, None, None]
+                fields[lit[passes]] = swinging[passes] / strength
                 weight[lit] *= np.where(passes, transmittance, 0.0)
     if index is not None:
         weight *= onward[:, 2] > 0
-    return RaysBehind(points, onward, weight)
+    return RaysBehind(points, onward, weight, fields)
 
 
 @contextmanager
@@ -154,12 +159,12 @@ def _conic_geometry(conic: PlacedConic) -> Plane | StandardGeometry:
 def _through(
     surface: OpticalForm, points: Floats, directions: Floats, indices: tuple[float, float] | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Return (points, directions, transmittance) of rays behind a face, or of those that it reflects.
+    """Return (points, directions, matrices of fields) of rays behind a face, or of those that it reflects.
 
-    Rays that do not pass have the transmittance 0 and the direction NaN.
+    Rays that do not pass have the matrix 0 and the direction NaN.
     """
     met, onward = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    transmittance = np.zeros(len(points))
+    matrices = np.zeros((len(points), 3, 3))
     if isinstance(surface, PlacedConic):
         half = np.array(surface.half_width)
         frames: Frames = iter([(np.arange(len(points)), _conic_geometry(surface))])
@@ -171,8 +176,8 @@ def _through(
         met[rays], meets = _meeting(geometry, corners, points[rays], directions[rays])
         rays = rays[meets]
         if len(rays):
-            onward[rays], transmittance[rays] = _refracted(geometry, met[rays], directions[rays], indices)
-    return met, onward, transmittance
+            onward[rays], matrices[rays] = _refracted(geometry, met[rays], directions[rays], indices)
+    return met, onward, matrices
 
 
 def _frames(surface: BSplineSurface, points: Floats, directions: Floats) -> Frames:
@@ -222,27 +227,38 @@ def _meeting(
 def _refracted(
     geometry: BaseGeometry, points: Floats, directions: Floats, indices: tuple[float, float] | None
 ) -> tuple[Floats, Floats]:
-    """Return (directions, transmittance) behind a face, 0 where totally reflected; without indices those of a
-    mirror.
+    """Return (directions, matrices of fields, (n, 3, 3)) behind a face, 0 where light is totally reflected;
+    without indices those of a mirror.
 
-    T = n_2 cos(t) / (n_1 cos(i)) (|t_s|^2 + |t_p|^2) / 2, with t_s and t_p from optiland.
+    With s across the plane of incidence, p and q in it across the directions before and behind the face, the
+    matrix is c (t_s s s^T + t_p q p^T) with t_s and t_p from optiland, and c^2 = n_2 cos(t) / (n_1 cos(i)).
     """
     from optiland.jones import JonesFresnel
     from optiland.materials import IdealMaterial
 
     rays = _rays(geometry, points, directions)
     normals = nx, ny, nz = geometry.surface_normal(rays)
+    normal = np.column_stack(normals)
     if indices is None:
         rays.reflect(nx, ny, nz)
-        return np.column_stack([rays.L, rays.M, rays.N]), np.ones(len(points))
-    rays.refract(nx, ny, nz, *indices)
+        s_part, p_part = -np.ones(len(points)), np.ones(len(points))
+    else:
+        rays.refract(nx, ny, nz, *indices)
     onward = np.column_stack([rays.L, rays.M, rays.N])
-    before, after = (np.abs(np.einsum("ij,ji->i", a, np.stack(normals))) for a in (directions, onward))
-    jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(
-        rays, aoi=np.arccos(np.minimum(before, 1.0))
-    )
-    power = (np.abs(jones[:, [0, 1], [0, 1]]) ** 2).mean(axis=1)
-    return onward, np.nan_to_num(indices[1] * after / (indices[0] * before) * power)
+    if indices is not None:
+        before, after = (np.abs(np.einsum("ij,ij->i", a, normal)) for a in (directions, onward))
+        jones = JonesFresnel(*map(IdealMaterial, indices)).calculate_matrix(
+            rays, aoi=np.arccos(np.minimum(before, 1.0))
+        )
+        power = np.sqrt(np.nan_to_num(indices[1] * after / (indices[0] * before)))
+        s_part, p_part = (np.real(jones[:, k, k]) * power for k in (0, 1))
+    plane = np.cross(directions, normal)
+    size = np.linalg.norm(plane, axis=1, keepdims=True)
+    s = np.where(size > 0, plane, across_to(directions))
+    s /= np.linalg.norm(s, axis=1, keepdims=True)
+    across = s_part[:, None, None] * s[:, :, None] * s[:, None, :]
+    within = p_part[:, None, None] * np.cross(onward, s)[:, :, None] * np.cross(directions, s)[:, None, :]
+    return onward, np.nan_to_num(across + within)
 
 
 def _rays(geometry: BaseGeometry, points: Floats, directions: Floats) -> RealRays:

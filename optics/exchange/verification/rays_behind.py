@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optics.exchange.verification.traced_faces import dot
 from optics.light.tracing import LandingPoints
@@ -15,21 +17,36 @@ from thbcad.checks import Bools, Floats
 from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
+Fields: TypeAlias = "Floats | NDArray[np.complex128]"
+
 
 @dataclass(frozen=True, eq=False)
 class RaysBehind:
     """Rays behind faces.
 
     points, directions : (n, 3), mm and unit vectors.  flux : (n,) W, 0 of rays that did not come through.
+    fields : (n, 2, 3), electric fields of two parts of the light that do not interfere, with a mean square of
+        1 together, complex behind total reflection; None is unpolarised light.
     """
 
     points: Floats
     directions: Floats
     flux: Floats
+    fields: Fields | None = None
+
+    @property
+    def polarised(self) -> Fields:
+        """Its fields; those of unpolarised light swing across each other."""
+        if self.fields is not None:
+            return self.fields
+        first = across_to(self.directions)
+        return np.stack([first, np.cross(self.directions, first)], axis=1)
 
     def posed(self, pose: Pose) -> RaysBehind:
         """Return them in a frame in which their own has a pose."""
-        return RaysBehind(pose.points(self.points.T).T, pose.directions(self.directions.T).T, self.flux)
+        points, directions = pose.points(self.points.T).T, pose.directions(self.directions.T).T
+        fields = None if self.fields is None else self.fields @ pose.rotation.T
+        return RaysBehind(points, directions, self.flux, fields)
 
     def landing(self, target: Receiver, stops: Sequence[Stop] = ()) -> LandingPoints:
         """Return where they land, and the flux that arrives.
@@ -39,6 +56,12 @@ class RaysBehind:
         landing, meets, length = last_step(self.points, self.directions, target)
         arrives = (self.flux > 0) & meets & passes(stops, self.points, self.directions, length)
         return LandingPoints(np.where(arrives[:, None], landing, np.nan), np.where(arrives, self.flux, 0.0))
+
+
+def across_to(directions: Floats) -> Floats:
+    """Return unit vectors across directions, (n, 3)."""
+    across = np.cross(directions, np.eye(3)[np.abs(directions).argmin(axis=1)])
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
 
 
 def last_step(points: Floats, directions: Floats, target: Receiver) -> tuple[Floats, Bools, Floats]:

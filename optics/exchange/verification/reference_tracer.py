@@ -2,7 +2,8 @@
 
 It shares no code with the optimiser's tracer: surfaces are general parametric splines evaluated
 by scipy's NdBSpline, rays are intersected by Newton's method in the surface parameters, with planes and
-conics in closed form, and refraction uses the vector form of Snell's law.
+conics in closed form, and refraction uses the vector form of Snell's law.  Polarisation is carried as the
+electric fields of two parts of the light.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optics.base.runtime import NumericalError
-from optics.exchange.verification.rays_behind import RaysBehind, inside, passes
+from optics.exchange.verification.rays_behind import Fields, RaysBehind, across_to, inside, passes
 from optics.exchange.verification.traced_faces import MEETS, ConicFace, FaceRim, Meetings, ParametricFace, dot
 from optics.light.tracing import LandingPoints
 from optics.scene.paths import AIR, LightPath, Stop
 from optics.scene.problem import FaceMet
 from optics.scene.receivers import Receiver
 from optics.scene.system import TURNED
-from thbcad.checks import Floats
+from thbcad.checks import Bools, Floats
 from thbcad.lens import OpticalForm
 from thbcad.outlines import Outline
 from thbcad.poses import IDENTITY, Pose
@@ -85,7 +86,7 @@ def fixed_face(path: LightPath, number: int) -> FileFace:
 
 def through_faces(faces: Sequence[FileFace], rays: RaysBehind, stops: Sequence[Stop] = ()) -> RaysBehind:
     """Trace rays over faces, one after the other.  stops : in the frame of the rays."""
-    points, directions, weight = rays.points, rays.directions, rays.flux.copy()
+    points, directions, weight, fields = rays.points, rays.directions, rays.flux.copy(), rays.polarised
     for face in faces:
         back = face.pose.inverse()
         start, onward = points, directions
@@ -98,18 +99,17 @@ def through_faces(faces: Sequence[FileFace], rays: RaysBehind, stops: Sequence[S
         points = face.pose.points(own.T).T
         if stops and face.in_air:
             met &= passes(stops, start, onward, np.where(met, dot(points - start, onward), np.inf))
-        passing = np.ones(len(points))
-        if face.eta is not None:
-            refracted, passing = refract(along, normals, face.eta)
         if face.reflects:
             along = along - 2 * dot(along, normals)[:, None] * normals
-            passing = passing if face.eta is None else 1 - passing
         else:
-            along = refracted
-            met &= along[:, 2] > 0
+            assert face.eta is not None
+            along, refracts = refract(along, normals, face.eta)
+            met &= refracts & (along[:, 2] > 0)
         directions = face.pose.directions(along.T).T
-        weight *= np.where(met & (passing > 0), passing if face.share is None else face.share, 0.0)
-    return RaysBehind(points, directions, weight)
+        normals = face.pose.directions(normals.T).T
+        passing, fields = _polarised(fields, onward, directions, normals, face)
+        weight *= np.where(met, passing, 0.0)
+    return RaysBehind(points, directions, weight, fields)
 
 
 def trace_step(
@@ -207,13 +207,10 @@ def _newton(face: ParametricFace, points: Floats, directions: Floats, uv: Floats
     return s, normals, met
 
 
-def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Floats]:
-    """Return (directions, transmittance) by the vector form of Snell's law and Fresnel's equations.
+def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Bools]:
+    """Return (directions, which rays refract) by the vector form of Snell's law.
 
-    T = 0 where light is totally reflected, and where the normals do not point along the rays.
-
-    With the cosines a and b of the angles to the normal before and behind the face,
-    T = 1 - (r_s^2 + r_p^2) / 2, r_s = (eta a - b) / (eta a + b), r_p = (a - eta b) / (a + eta b).
+    Rays do not where light is totally reflected, and where the normals do not point along them.
 
     eta : index before / index behind.
     """
@@ -221,7 +218,42 @@ def refract(directions: Floats, normals: Floats, eta: float) -> tuple[Floats, Fl
     square = 1 - eta**2 * (1 - cos_i**2)
     passes = (square > 0) & (cos_i > 0)
     cos_t = np.sqrt(np.where(passes, square, 1.0))
-    refracted = eta * directions + (cos_t - eta * cos_i)[:, None] * normals
-    rs = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
-    rp = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
-    return refracted, np.where(passes, 1 - (rs**2 + rp**2) / 2, 0.0)
+    return eta * directions + (cos_t - eta * cos_i)[:, None] * normals, passes
+
+
+def _polarised(
+    fields: Fields, before: Floats, behind: Floats, normals: Floats, face: FileFace
+) -> tuple[Floats, Fields]:
+    """Return (the share of the light that goes on, its fields).
+
+    before, behind : directions, (n, 3).  normals : along them.
+    """
+    plane, across = np.cross(before, normals), across_to(before)
+    size = np.linalg.norm(plane, axis=1, keepdims=True)
+    s = np.where(size > 0, plane / np.where(size > 0, size, 1.0), across)
+    of_s, of_p, power = _amplitudes(face, dot(before, normals))
+    along_s, along_p = (np.einsum("nkj,nj->nk", fields, axis) for axis in (s, np.cross(before, s)))
+    s_part = (of_s[:, None] * along_s)[:, :, None] * s[:, None]
+    onward = s_part + (of_p[:, None] * along_p)[:, :, None] * np.cross(behind, s)[:, None]
+    strength = (np.abs(onward) ** 2).sum(axis=(1, 2)) / 2
+    return power * strength, onward / np.sqrt(np.where(strength > 0, strength, 1.0))[:, None, None]
+
+
+def _amplitudes(face: FileFace, cosine: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the amplitudes of fields across the plane of incidence and in it, and the power of their square.
+
+    With the cosines a and b of the angles to the normal before and behind the face, light that is refracted
+    has the amplitudes 2 eta a / (eta a + b) and 2 eta a / (a + eta b), and b / (eta a) times their squares as
+    power.  Light that is reflected has (eta a - b) / (eta a + b) and (a - eta b) / (a + eta b), complex where
+    all of it is.  A coating has the same share of both, and a mirror turns one of them round.
+    """
+    one = np.ones(len(cosine))
+    if face.share is not None or face.eta is None:
+        return -one if face.reflects else one, one, one * (1.0 if face.share is None else face.share)
+    eta, a = face.eta, cosine
+    square = 1 - eta**2 * (1 - a**2)
+    if not face.reflects:
+        b = np.sqrt(np.maximum(square, 0.0))
+        return 2 * eta * a / (eta * a + b), 2 * eta * a / (a + eta * b), b / (eta * a)
+    b = np.sqrt(square + 0j if eta > 1 else square)
+    return (eta * a - b) / (eta * a + b), (a - eta * b) / (a + eta * b), one

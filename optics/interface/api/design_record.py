@@ -28,6 +28,7 @@ from optics.light.analysis import (
     loss_notes,
     measure,
     passing_share,
+    polarisation_note,
     unjudged_note,
 )
 from optics.scene.limits import limit_checks
@@ -121,7 +122,8 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
     unjudged = unjudged_note(metrics, system.problem.verify)
-    for sentence in [*loss_notes(metrics, system.units), *dark_note(metrics), *unjudged]:
+    about_light = [*loss_notes(metrics, system.units), *polarisation_note(metrics), *dark_note(metrics)]
+    for sentence in [*about_light, *unjudged]:
         notes(sentence)
     if not metrics["efficiency"]:
         notes(f"no light reaches the target; {_towards_light(metrics[system.units.key('fates')])}")

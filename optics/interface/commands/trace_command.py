@@ -16,6 +16,8 @@ from optics.light.analysis import (
     crosstalk_line,
     nonsequential,
     passing_words,
+    polarisation_change,
+    polarisation_note,
     sections,
     sequential,
     sequential_metrics,
@@ -60,6 +62,7 @@ def trace(options: Namespace) -> Outcome:
     contents = _light_contents(every, image, fates.transmitted)
     rays = system.own_rays(system.source.rays(TRIED), lens)
     data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(every, lens, fates, counts)}
+    data |= polarisation_change(every, every.shaded_path(lens), exact)
     if system.lens_on_axis:
         data["etendue"] = conservation(system, lens, exact)
     data["faults"] = path_faults(exact, system.own_path(lens), rays)
@@ -132,4 +135,4 @@ def _lines(data: dict[str, Any], units: Units) -> list[str]:
             f"the sequential tracer {verdict}"
         )
     lines += crosstalk_line(data)
-    return [*lines, *(f"note: {fault}" for fault in data["faults"])]
+    return [*lines, *(f"note: {sentence}" for sentence in (*polarisation_note(data), *data["faults"]))]

@@ -51,6 +51,8 @@ if TYPE_CHECKING:
         passing_words,
         per_area,
         photometric_lines,
+        polarisation_change,
+        polarisation_note,
         uniformity_metrics,
         uniformity_of_pixels,
     )

@@ -35,6 +35,7 @@ from optics.light.analysis.photometric_metrics import (
     box_screen,
     per_area,
     photometric_metrics,
+    polarisation_change,
     uniformity_metrics,
     zone_metrics,
 )
@@ -132,6 +133,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray_error"] = stray_error / flux
     metrics |= photometric_metrics(system, screen, seen, blur)
     metrics |= _zones(system, path, lens, light, found.added, backend)
+    metrics |= polarisation_change(system, path, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if found.past and found.past.missed:
         metrics["past_elements"] = found.past.shares(light.on_target, flux)

@@ -65,7 +65,7 @@ class ExactEngine:
         if self.of_drawn and film.window is not None and system.source.extended and isinstance(rays, Rays):
             near = np.abs(rays.origin).max() < FAR * max(lens.front.half_width)
             backend = self.of_drawn if near else backend
-        tracer = Tracer(backend, path, rays, proven=False)
+        tracer = Tracer(backend, path, rays, proven=False, polarised=False)
         light = float(rays.flux.sum())
         return TracedModel(backend, tracer, film.screen, window, mirrors, light)
 

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
         DeviceRays,
         Hits,
         KnownHits,
+        Stokes,
         Vector,
         device_flux,
         gauge,

@@ -35,16 +35,32 @@ SETTLED = 1e-9  # mm: what is looked for in landing points is thousands of it
 
 
 @dataclass(eq=False)
+class Stokes:
+    """Polarisation of rays on the device.
+
+    q, u, v : the Stokes parameters over the intensity, Q / I, U / I, V / I.
+    across : normal to the rays, of any length: light that swings along it has q = 1.
+    """
+
+    q: DrArray
+    u: DrArray
+    v: DrArray
+    across: Vector
+
+
+@dataclass(eq=False)
 class DeviceRays:
     """Rays on the device of the backend.
 
     origin : mm.  direction : unit vectors.  flux : W.  inside : the mask of rays in glass.
+    stokes : None is unpolarised light.
     """
 
     origin: Vector
     direction: Vector
     flux: DrArray = None
     inside: DrArray | bool = False
+    stokes: Stokes | None = None
 
     def at(self, t: DrArray) -> Vector:
         """Return the points at the path length t, mm."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from optics.light.tracing.refraction import (
         critical_angle,
         normal_incidence_transmittance as normal_incidence_transmittance,
+        polarising,
         refract,
         traced_transmittance,
         transmittances as transmittances,

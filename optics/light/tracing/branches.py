@@ -10,11 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optics.base.runtime import Backend, DrArray
-from optics.light.intersections import DeviceRays, Vector
+from optics.light.intersections import DeviceRays, Stokes, Vector
 from optics.light.tracing.body_faces import Face, body_faces, plate_faces
 from optics.light.tracing.fates import FATES
 from optics.light.tracing.lens_faces import lens_faces
-from optics.light.tracing.refraction import refract
+from optics.light.tracing.refraction import (
+    Mueller,
+    at_face,
+    reflection,
+    refract,
+    selected,
+    transmission,
+    uniform,
+)
 from optics.scene.paths import BARE, Coats
 from optics.scene.sources import Rays
 from thbcad.checks import Floats
@@ -32,11 +40,14 @@ class Branches:
     """Branches of one generation, arrays of equal length (vectors: (3, m)).
 
     left : what the branch met last while in air.  stage : on the direct path.
+    stokes : Q / I, U / I, V / I.  across : normal to the branch, of any length, where Q is positive.
     """
 
     origin: Floats
     direction: Floats
     flux: Floats
+    stokes: Floats
+    across: Floats
     ray: NDArray[np.int64]
     inside: NDArray[np.bool_]
     left: NDArray[np.int8]
@@ -50,6 +61,8 @@ class Branches:
             origin=rays.origin,
             direction=rays.direction,
             flux=rays.flux,
+            stokes=np.zeros((3, n)),
+            across=np.zeros((3, n)),
             ray=np.arange(n),
             inside=none > 0,
             left=none + NEVER,
@@ -78,6 +91,8 @@ class Meetings:
     """What branches meet next, (m,) or (3, m).
 
     face : FRONT, REAR, EDGE, NEIGHBOUR, NEVER where they leave, or UNDECIDED.
+    transmittance : of the light as it is polarised.  mean : of unpolarised light.
+    passing, staying : Stokes parameters of what is refracted and of what is reflected, along `across`.
     absorbed : (m,), at a rounded edge.
     """
 
@@ -86,6 +101,10 @@ class Meetings:
     refracted: Floats
     reflected: Floats
     transmittance: Floats
+    mean: Floats
+    passing: Floats
+    staying: Floats
+    across: Floats
     absorbed: NDArray[np.bool_]
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Meetings:
@@ -127,12 +146,14 @@ class ClosedLens:
         else:
             path, nx, ny, nz, face, doubt = self._first(rays, self._faces)
         face = dr.select(doubt < path, float(UNDECIDED), face)
-        refracted, reflected, transmittance = self._split(rays, (nx, ny, nz))
-        for number, share in zip((FRONT, REAR), self._coats):
-            if share is not None:
-                transmittance = dr.select((face == number) & (transmittance > 0), share, transmittance)
+        x, y, z = (dr.select(rays.inside, n, -n) for n in (nx, ny, nz))
+        refracted, reflected, through, back = self._split(rays, (x, y, z), face)
+        stokes = self._stokes(branches)
+        (transmittance, passing), (_, staying) = (
+            at_face(dr, stokes, rays.direction, (x, y, z), matrix) for matrix in (through, back)
+        )
         point = rays.at(path)
-        dr.eval(face, point, refracted, reflected, transmittance)
+        dr.eval(face, point, refracted, reflected, transmittance, through.mean, passing, staying)
         faces, points = face.numpy().astype(np.int8), _rows(point)
         absorbed = np.zeros(len(faces), dtype=bool)
         if self._rounded is not None:
@@ -144,6 +165,10 @@ class ClosedLens:
             refracted=_rows(refracted),
             reflected=_rows(reflected),
             transmittance=transmittance.numpy(),
+            mean=through.mean.numpy(),
+            passing=_rows((passing.q, passing.u, passing.v)),
+            staying=_rows((staying.q, staying.u, staying.v)),
+            across=_rows(passing.across),
             absorbed=absorbed,
         )
 
@@ -200,16 +225,33 @@ class ClosedLens:
             found[5, reached] = np.minimum(found[5, reached], rows[5])
         return found
 
-    def _split(self, rays: DeviceRays, outward: Vector) -> tuple[Vector, Vector, DrArray]:
-        """Return refracted and reflected unit directions and the transmittance, for outward normals."""
+    def _split(
+        self, rays: DeviceRays, normal: Vector, face: DrArray
+    ) -> tuple[Vector, Vector, Mueller, Mueller]:
+        """Return refracted and reflected unit directions, and the matrices of refraction and reflection.
+
+        normal : on the side to which light comes through.  face : as of `Meetings`.
+        """
         dr, d = self._backend.dr, rays.direction
-        normal = [dr.select(rays.inside, n, -n) for n in outward]
         cosine = dr.minimum(sum(a * b for a, b in zip(d, normal)), 1)
         eta = dr.select(rays.inside, self._index, 1 / self._index)
         sine = dr.sqrt(1 - cosine * cosine)
-        (_, _, behind), transmittance, _ = refract(dr, (sine, 0.0, cosine), (0.0, 0.0), eta)
+        (_, _, behind), _, passes = refract(dr, (sine, 0.0, cosine), (0.0, 0.0), eta)
         refracted = self._unit([eta * a + (behind - eta * cosine) * n for a, n in zip(d, normal)])
-        return refracted, self._unit([a - 2 * cosine * n for a, n in zip(d, normal)]), transmittance
+        reflected = self._unit([a - 2 * cosine * n for a, n in zip(d, normal)])
+        through, back = transmission(dr, cosine, eta), reflection(dr, cosine, eta)
+        for number, share in zip((FRONT, REAR), self._coats):
+            if share is not None:
+                coated = passes & (face == number)
+                through = selected(dr, coated, uniform(share, False), through)
+                back = selected(dr, coated, uniform(1 - share, True), back)
+        return refracted, reflected, through, back
+
+    def _stokes(self, branches: Branches) -> Stokes:
+        """Return the polarisation of branches on the device."""
+        q, u, v = map(self._backend.array, branches.stokes)
+        x, y, z = map(self._backend.array, branches.across)
+        return Stokes(q, u, v, (x, y, z))
 
     def _unit(self, vector: Sequence[DrArray]) -> Vector:
         length = self._backend.dr.sqrt(sum(a * a for a in vector))
@@ -251,9 +293,14 @@ class BranchAccount:
 
 
 def indirectly_onto_rear(branches: Branches, meetings: Meetings) -> Branches:
-    """Return the branches within, by no direct path, that meet a rear which lets some of them through."""
+    """Return the branches within, by no direct path, that meet a rear which lets some of them through.
+
+    Their flux is that of unpolarised light of which the rear lets as much through.
+    """
     within = branches.inside & (branches.stage == INDIRECT)
-    return branches[within & (meetings.face == REAR) & (meetings.transmittance > 0)]
+    met = within & (meetings.face == REAR) & (meetings.transmittance > 0)
+    light, passing = branches[met], meetings[met]
+    return replace(light, flux=light.flux * passing.transmittance / passing.mean)
 
 
 def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
@@ -270,6 +317,8 @@ def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
         origin=meetings.point,
         direction=meetings.refracted,
         flux=passed,
+        stokes=meetings.passing,
+        across=meetings.across,
         ray=branches.ray,
         inside=~inside,
         left=left,
@@ -279,6 +328,8 @@ def split(branches: Branches, meetings: Meetings) -> tuple[Branches, Branches]:
         origin=meetings.point,
         direction=meetings.reflected,
         flux=branches.flux - passed,
+        stokes=meetings.staying,
+        across=meetings.across,
         ray=branches.ray,
         inside=inside,
         left=np.where(branches.left == NEVER, OUTSIDE, branches.left),

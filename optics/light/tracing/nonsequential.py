@@ -1,8 +1,8 @@
 """Non-sequential tracing: every ray through the closed lens, with every split at its faces.
 
-At each face a branch splits into a refracted and a reflected one (Fresnel, unpolarised light).  Branches go
-on, generation by generation, until they leave the lens for good, fall below a threshold or have met too many
-faces.  Every part of the source flux ends in one named fate.
+At each face a branch splits into a refracted and a reflected one, by Fresnel's equations for the light as it
+is polarised. Branches go on, generation by generation, until they leave the lens for good, fall below a
+threshold or have met too many faces. Every part of the source flux ends in one named fate.
 """
 
 from __future__ import annotations

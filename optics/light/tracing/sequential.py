@@ -30,6 +30,7 @@ from optics.light.intersections import (
 from optics.light.tracing.fates import OFF_TARGET, ON_TARGET, Fate, SequentialFates, by_name
 from optics.light.tracing.landings import Landing
 from optics.light.tracing.obstructions import Obstruction, ShadingBody
+from optics.light.tracing.refraction import polarising
 from optics.light.tracing.traced_surface import (
     Passage,
     TracedSurface,
@@ -56,10 +57,18 @@ class Tracer:
 
     proven : the first of several meetings with a rough surface is proven, else the ray is undecided, see
         `SearchedHits`.  This costs up to three times the time.
+    polarised : light is polarised by the faces on its way; else every face sends on the mean of s and p.
     """
 
-    def __init__(self, backend: Backend, path: LightPath, rays: RayGrid | Rays, proven: bool = True) -> None:
-        self._backend, self._path, self._proven = backend, path, proven
+    def __init__(
+        self,
+        backend: Backend,
+        path: LightPath,
+        rays: RayGrid | Rays,
+        proven: bool = True,
+        polarised: bool = True,
+    ) -> None:
+        self._backend, self._path, self._proven, self._polarised = backend, path, proven, polarised
         self._embeddings = [sag.space.embedding for sag in path.sags]
         self._frames = [surface.pose for surface in path.surfaces] or [IDENTITY]
         self._ahead = [b.inverse() @ a for a, b in pairwise(self._frames)]  # from a surface to the next
@@ -89,6 +98,7 @@ class Tracer:
         self._flux = device_flux(backend, rays.flux if path.share == 1 else path.share * rays.flux)
         starts = path.before if isinstance(rays, RayGrid) else rays.origin[2].max()
         self._obstructions = self._in_the_way(max(0.0, path.emitted - starts))
+        self._polarised_behind = polarising(path, rays) if self._polarised else range(0)
         self._fixed: list[Step] = []  # over surfaces that no coefficients change
         if grid is not None:
             # meeting points with the second surface are known, and the grid lies within the plane's rectangle
@@ -107,7 +117,8 @@ class Tracer:
         for k, _ in enumerate(takewhile(lambda s: s.shape.sag is None, path.surfaces[:-1])):
             step, self._behind = self._over(k, self._behind, None)
             self._fixed.append(step)
-            backend.dr.eval(self._behind.origin, self._behind.direction, self._behind.flux)
+            behind = self._behind
+            backend.dr.eval(behind.origin, behind.direction, behind.flux, behind.stokes)
 
     def trace(self, coefficients: Coefficients | None = None) -> tuple[list[Hits], Landing]:
         """Return (Hits of every surface that carries a sag, Landing), differentiable in the hits' leaves."""
@@ -177,14 +188,16 @@ class Tracer:
         hits = surface.meet(rays, net)
         leaves.extend(hits.leaves)
         hit, blocked, again = self._kept(k, rays, hits)
-        passage, direction = surface.passed(rays, hits, hit, blocked)
+        passage, direction, stokes = surface.passed(rays, hits, hit, blocked, k in self._polarised_behind)
         passage = replace(passage, again=again)
         point: Vector = (hits.x, hits.y, hits.z)
         for ahead in self._ahead[k : k + 1]:
             point, direction = ahead.points(point), ahead.directions(direction)
+            if stokes is not None:
+                stokes = replace(stokes, across=ahead.directions(stokes.across))
         if 0 < k < len(self._surfaces) - 1:  # else every surface behind would turn the rays here again
-            self._backend.dr.eval(point, direction, passage.leaving)
-        return (hits, passage), DeviceRays(point, direction, passage.leaving)
+            self._backend.dr.eval(point, direction, passage.leaving, stokes)
+        return (hits, passage), DeviceRays(point, direction, passage.leaving, stokes=stokes)
 
     def _kept(self, k: int, rays: DeviceRays, hits: Hits) -> tuple[DrArray, DrArray | bool, DrArray | bool]:
         """Return the masks of rays that come through to a surface, of those that are blocked, and of those

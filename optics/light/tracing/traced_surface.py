@@ -18,13 +18,22 @@ from optics.light.intersections import (
     Hits,
     KnownHits,
     SearchedHits,
+    Stokes,
     Vector,
     gauge,
     raised_hits,
     rim_fade,
 )
 from optics.light.tracing.obstructions import Obstruction
-from optics.light.tracing.refraction import reflect, refract
+from optics.light.tracing.refraction import (
+    Mueller,
+    at_face,
+    reflect,
+    reflection,
+    refract,
+    transmission,
+    uniform,
+)
 from optics.scene.paths import LightPath, Medium, Surface
 from optics.scene.sources import RayGrid
 from thbcad.checks import Floats
@@ -110,21 +119,27 @@ class TracedSurface:
         return hit & ~blocked, blocked
 
     def passed(
-        self, rays: DeviceRays, hits: Hits, hit: DrArray, blocked: DrArray | bool
-    ) -> tuple[Passage, Vector]:
-        """Return what becomes of rays that met the surface, and the directions in which they go on.
+        self, rays: DeviceRays, hits: Hits, hit: DrArray, blocked: DrArray | bool, polarised: bool
+    ) -> tuple[Passage, Vector, Stokes | None]:
+        """Return what becomes of rays that met the surface, the directions in which they go on, and their
+        polarisation there.
 
         Directions of rays that do not go on mean nothing.  hit, blocked : see `kept`.
+        polarised : the polarisation behind the surface matters; else None stands for it.
         """
         dr, error = self._backend.dr, self._slope_error
         slopes = (hits.zx, hits.zy) if error is None else (hits.zx + error[0], hits.zy + error[1])
         direction, share, goes_on = self.turned(rays.direction, slopes)
         if self.surface.kind == "refract":
             goes_on = goes_on & (direction[2] > 0)
+        stokes = None
+        if polarised or rays.stokes is not None:
+            share, stokes = self._polarised(rays, slopes)
         reaching = self.reaching(rays, hits)
         passing = reaching * share * self._rim(hits)
         leaving = dr.select(hit & goes_on, passing, 0)
-        return Passage(rays, hits.found, hit, goes_on, reaching, leaving, blocked), direction
+        passage = Passage(rays, hits.found, hit, goes_on, reaching, leaving, blocked)
+        return passage, direction, stokes if polarised else None
 
     def turned(self, direction: Vector, slope: tuple[DrArray, DrArray]) -> tuple[Vector, DrArray, DrArray]:
         """Return directions behind it, the share of light that goes on, and the mask of these rays."""
@@ -133,6 +148,19 @@ class TracedSurface:
         if self.surface.share is not None:
             share = self._backend.dr.select(goes_on, self._backend.Float(self.surface.share), 0)
         return out, share, goes_on
+
+    def _polarised(self, rays: DeviceRays, slope: tuple[DrArray, DrArray]) -> tuple[DrArray, Stokes]:
+        """Return the share of light that goes on, and its polarisation behind the surface."""
+        dr, (dx, dy, dz), (zx, zy) = self._backend.dr, rays.direction, slope
+        cosine = (dz - dx * zx - dy * zy) * dr.rsqrt(1 + zx * zx + zy * zy)
+        return at_face(dr, rays.stokes, rays.direction, (-zx, -zy, 1.0), self._mueller(cosine))
+
+    def _mueller(self, cosine: DrArray) -> Mueller:
+        """Return its matrix at cosines of the angle of incidence."""
+        reflects, share = self.surface.kind == "reflect", self.surface.share
+        if share is not None:
+            return uniform(self._backend.Float(share), reflects)
+        return (reflection if reflects else transmission)(self._backend.dr, cosine, self._eta)
 
     def reaching(self, rays: DeviceRays, hits: Hits) -> DrArray:
         """Return the flux that absorption leaves of rays on their way to the surface, exp(-a t)."""
@@ -187,8 +215,9 @@ def parted(backend: Backend, rays: DeviceRays, leaves: deque[DrArray]) -> Device
     leaves : empty; to be filled with those of the Hits of the surface that the rays come to.
     """
     operation = parting_operation(backend.dr.CustomOp)
-    numbers = backend.custom(operation, backend.dr, (rays.origin, rays.direction, rays.flux), leaves)
-    return replace(rays, origin=numbers[0], direction=numbers[1], flux=numbers[2])
+    values = rays.origin, rays.direction, rays.flux, rays.stokes
+    origin, direction, flux, stokes = backend.custom(operation, backend.dr, values, leaves)
+    return replace(rays, origin=origin, direction=direction, flux=flux, stokes=stokes)
 
 
 @cache
@@ -219,9 +248,7 @@ def stays_parallel(path: LightPath) -> bool:
     return (
         second.shape.sag is not None
         and first.kind == "refract"
-        and first.shape.is_plane
-        and first.slope_error is None
-        and first.height_error is None
+        and first.is_flat
         and first.pose.is_identity
         and not (second.pose.rotates or second.pose.shift[:2].any())
     )

@@ -44,6 +44,10 @@ WORDS = {
     "efficiency": (PERCENT, "of the source flux arrives inside the target"),
     "lit_efficiency": (PERCENT, "of the source flux arrives on the pixels that are to be lit"),
     "stray": (PERCENT, "of the source flux goes on and misses the target"),
+    "polarisation_change": (
+        PERCENT,
+        "more light on the target than with the mean of s and p at every face",
+    ),
     "crosstalk": (
         PERCENT,
         "of the middle source's flux goes forward and last met a neighbour's front or rear",

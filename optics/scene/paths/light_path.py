@@ -54,8 +54,8 @@ class Surface:
 
     pose : from its own frame to that of the path.
     kind : it refracts light into the next medium, or reflects it.
-    share : of the light that goes on, at any angle: a coating, or a metal.  None is smooth bare glass, by
-        Fresnel's equations for unpolarised light.
+    share : of the light that goes on, at any angle and in any polarisation: a coating, or a metal.  None is
+        smooth bare glass, by Fresnel's equations.
     beyond : what lies behind a surface that reflects as bare glass.
     slope_error : added to (dz/dx, dz/dy), by which light goes on; the surface stays where it is.  (2, 1) for
         all rays alike, or (2, n).
@@ -78,6 +78,11 @@ class Surface:
     def open(self) -> Outline:
         """What light goes through: its outline, or what a holder leaves free of it."""
         return self.clear or self.shape.outline
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is a plane across its z without errors."""
+        return self.shape.is_plane and self.slope_error is None and self.height_error is None
 
 
 @dataclass(frozen=True, eq=False)

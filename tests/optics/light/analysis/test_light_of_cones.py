@@ -8,30 +8,23 @@ import pytest
 from optics.light.analysis import measure
 from optics.scene.system import OpticalSystem
 from tests.optics.cases import flat_problem
+from tests.optics.light.analysis.cases import through_plate
 
 INDEX, THICKNESS, BEFORE, BEHIND, HALF_ANGLE = 1.5, 6.0, 10.0, 60.0, 30.0
 FINE = 5  # points in each direction of a pixel
 
 
-def through_face(angle):
-    """Return the part of unpolarised light that passes a face, by Fresnel's equations.  angle : in air."""
-    outside, inside = np.cos(angle), np.sqrt(1 - (np.sin(angle) / INDEX) ** 2)
-    s = (outside - INDEX * inside) / (outside + INDEX * inside)
-    p = (INDEX * outside - inside) / (INDEX * outside + inside)
-    return 1 - (s**2 + p**2) / 2
-
-
 def closed_form(radius):
     """Return the irradiance at distances from the axis of 1 W, whose intensity falls with the cosine.
 
-    A ray at the angle a meets the target at r(a); E = I(a) T(a)^2 sin(a) / (r dr/da).
+    A ray at the angle a meets the target at r(a); E = I(a) T(a) sin(a) / (r dr/da).
     """
     a = np.linspace(1e-4, radians(HALF_ANGLE), 20001)
     inside = np.arcsin(np.sin(a) / INDEX)
     r = (BEFORE + BEHIND) * np.tan(a) + THICKNESS * np.tan(inside)
     slope = (BEFORE + BEHIND) / np.cos(a) ** 2 + THICKNESS / np.cos(inside) ** 3 * np.cos(a) / INDEX
     intensity = np.cos(a) / np.pi / (1 - cos(radians(HALF_ANGLE)) ** 2)
-    return np.interp(radius, r, intensity * through_face(a) ** 2 * np.sin(a) / (r * slope))
+    return np.interp(radius, r, intensity * through_plate(a, INDEX) * np.sin(a) / (r * slope))
 
 
 @pytest.mark.every(3)

@@ -48,13 +48,13 @@ def kernel_history(backend):
 def test_back_over_more_surfaces_no_kernel_is_larger(backend, kernel_history):
     largest = []
     for count in (2, 4, 6):
-        backward(backend, Tracer(backend, *sheets(count), proven=False))
+        backward(backend, Tracer(backend, *sheets(count), proven=False, polarised=False))
         largest.append(max(kernel.get("operation_count", 0) for kernel in kernel_history()))
     assert max(largest) <= largest[0]
 
 
 def test_a_trace_over_many_surfaces_leaves_no_variables(backend):
-    tracer, left = Tracer(backend, *sheets(4), proven=False), []
+    tracer, left = Tracer(backend, *sheets(4), proven=False, polarised=False), []
     for _ in range(3):
         backward(backend, tracer)
         left.append(len(backend.dr.whos_ad(as_string=True).splitlines()))

@@ -9,7 +9,7 @@ from optics.light.tracing import FATES, TargetArea, trace_nonsequential
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
 from oracles.branch_tracer import INDEX, LevelSolid, MeshSolid, traced_one_by_one
-from oracles.light_formulas import fresnel
+from oracles.polarised_faces import SmoothFace, follow
 from tests.optics.light.tracing.cases import lambertian
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -116,7 +116,8 @@ def test_a_rod_turns_light_by_equal_angles(backend):
     inner = (start * onward.conj()).real
     half = np.sqrt(radius**2 - (start * onward.conj()).imag ** 2)  # of a chord
     chords, rest = np.divmod(length * slope + half + inner, 2 * half)
-    turned = np.exp(1j * chords * 2 * np.arcsin(half / radius) * np.sign((start.conj() * onward).imag))
+    turn_each = np.exp(2j * np.arcsin(half / radius) * np.sign((start.conj() * onward).imag))
+    turned = turn_each**chords
     foot = (start - inner * onward) * turned  # the middle of the last chord
     end = (
         foot
@@ -127,11 +128,22 @@ def test_a_rod_turns_light_by_equal_angles(backend):
     np.maximum.at(best, result.ray, result.landings.flux)
     strongest = result.landings.flux == best[result.ray]
     assert strongest.sum() == n
-    passed = fresnel(np.arcsin(sine), 1.0, INDEX) ** 2
+    wall = (start - inner * onward + half * onward) / radius  # where the first chord ends
+    passed = np.array([through_rod(*ray) for ray in zip(direction.T, wall, turn_each, chords)])
     found = result.landings.points[strongest][np.argsort(result.ray[strongest])]
     assert chords.max() > 5
     assert best == pytest.approx(passed, rel=1e-12)
     assert found[:, 0] + 1j * found[:, 1] == pytest.approx(end, abs=1e-10)
+
+
+def through_rod(direction, wall, turn, chords):
+    """Return what passes both ends of a rod: total reflection between them turns the polarisation."""
+    end = np.array([[0.0, 0.0, 1.0]])
+    walls = [wall * turn**k for k in range(int(chords))]
+    normals = [np.array([[w.real, w.imag, 0.0]]) for w in walls]
+    within = [SmoothFace(normal, INDEX, 1.0, reflects=True) for normal in normals]
+    faces = [SmoothFace(end, 1.0, INDEX), *within, SmoothFace(end, INDEX, 1.0)]
+    return follow(direction[None], faces).stokes[0, 0]
 
 
 def wavy(surface, seed, amplitude=0.3):
