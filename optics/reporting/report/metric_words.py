@@ -50,7 +50,7 @@ WORDS = {
     "stray": (PERCENT, "of the source flux goes on and misses the target"),
     "crosstalk": (
         PERCENT,
-        "of the middle source's flux goes forward and last met a neighbour's front or rear",
+        "of the middle source's flux goes forward and last left the glass by a neighbour's front or rear",
     ),
     "by_plate_edges": (PERCENT, "of the middle source's flux leaves a plate forward by its walls and land"),
     "normal_incidence_transmittance": (
