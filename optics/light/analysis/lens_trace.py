@@ -140,8 +140,9 @@ def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
         return []
     share, error = (100 * metrics[name] for name in ("crosstalk", "crosstalk_error"))
     return [
-        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that goes forward and last "
-        f"left the glass by a neighbour's front or rear; by walls and land {metrics['by_plate_edges']:.2%}"
+        f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that goes forward and "
+        "last left the glass by a neighbour's front or rear; by walls and land "
+        f"{metrics['by_plate_edges']:.2%}"
     ]
 
 

@@ -135,8 +135,8 @@ class Target:
     surface: str = option(
         "plane",
         choices=("plane", "cylinder", "sphere", "far_field"),
-        note="what is lit, from its own -z; the axis of a cylinder is its own y; on a sphere x and y are arcs "
-        "of longitude and latitude",
+        note="what is lit, from its own -z; the axis of a cylinder is its own y; on a sphere x and y are "
+        "arcs of longitude and latitude",
     )
     radius: float = option(
         inf,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optics
-from optics.designing.prediction.diffraction import LEAST, diffraction, diffraction_of, in_waves
+from optics.designing.prediction.diffracted_light import LEAST, diffraction, diffraction_of, in_waves
 from optics.light.analysis import rel_l2
 from oracles.wave_light import row_in_waves
 from tests.optics.cases import WIDE, example_system, small_system
