@@ -58,14 +58,16 @@ def crossed_choice(draws: Floats, choose: Callable[..., Integers]) -> Integers:
 def crossed_error(values: Floats, chosen: Integers) -> float:
     """Return the standard error of the mean of values at a `crossed_choice`.
 
-    It is that of the spread, within the halves where these choose different places.
+    It is that of the spread.  Where the halves choose different places it is the larger of the spread within
+    them and half of what lies between them, which holds the error of the choice as well.
 
     values, chosen : (R,).
     """
     halves = values[0::2], values[1::2]
     if len(halves[1]) < 2 or chosen[0] == chosen[1]:
         return float(standard_error(values))
-    return float(np.hypot(*(standard_error(half) for half in halves)) / 2)
+    within = float(np.hypot(*(standard_error(half) for half in halves)))
+    return max(within, abs(float(halves[0].mean() - halves[1].mean()))) / 2
 
 
 def unbiased_square(draws: Floats) -> tuple[float, float]:

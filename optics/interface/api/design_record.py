@@ -13,6 +13,7 @@ from optics.designing.optimisation import Row
 from optics.designing.prediction import (
     blur_limits,
     blur_sentence,
+    diffraction_of,
     displaced_limits,
     displaced_sentence,
 )
@@ -119,6 +120,9 @@ def _measured(design: DesignRecord, backend: Backend) -> Measurement:
         limits = blur_limits(system, lens, backend)
         notes(blur_sentence(system, limits, metrics["rel_l2_debiased"]))
         metrics["rel_l2_one_blur"] = limits.least
+    if waves := diffraction_of(system, lens, backend):
+        notes(waves.sentence(system.target.unit))
+        metrics |= waves.metrics(system.target.unit)
     if bounds_hold(system):
         metrics["rel_l2_by_etendue"] = universal_bound(system).least_rel_l2(metrics["efficiency"])
     unjudged = unjudged_note(metrics, system.problem.verify)

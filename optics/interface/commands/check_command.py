@@ -14,6 +14,7 @@ from optics.designing.prediction import (
     Expectation,
     blur_limits,
     blur_sentence,
+    diffraction,
     displaced_limits,
     displaced_sentence,
     expectation_lines,
@@ -50,6 +51,7 @@ def check(options: Namespace) -> Outcome:
         picture, least = system.target.light, system.lens.least_thickness()
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         displaced = displaced_limits(system)
+        waves = diffraction(system, expectation.least, lambda: expectation.blur or 0.0)
         missed = foreseen_misses(system, expectation, limits, backend, displaced)
         data["missed"] = missed
         asked = "picture" if system.problem.target.kind == "image" else "light asked for"
@@ -76,6 +78,9 @@ def check(options: Namespace) -> Outcome:
         if displaced is not None:
             data["displaced"] = asdict(displaced)
             lines.append(f"plate: {displaced_sentence(displaced)}")
+        if waves is not None:
+            data["diffraction"] = asdict(waves)
+            lines.append(f"diffraction: {waves.sentence(system.target.unit)}")
         lines += [
             f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))
         ]

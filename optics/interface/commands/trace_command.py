@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from optics.base.runtime import UserError, load_backend
+from optics.designing.prediction import diffraction_of
 from optics.exchange.results import ResultFolder, require_own, writable_folder, write_recorded
 from optics.interface.commands.outcome import Outcome
 from optics.light.analysis import (
@@ -74,8 +76,12 @@ def trace(options: Namespace) -> Outcome:
         data["nonsequential"] = nonsequential(system, lens, exact)
     if system.problem.optic.array is not None:
         data |= crosstalk(system, lens, exact)
+    lines = [*_lines(data, system.units), *_left_out(system)]
+    if waves := diffraction_of(system, lens, exact):
+        data["diffraction"] = asdict(waves)
+        lines.append(f"diffraction: {waves.sentence(system.target.unit)}")
     write_recorded(folder, RECORD, data, contents)
-    return Outcome(data, [*_lines(data, system.units), *_left_out(system), f"wrote {folder}"])
+    return Outcome(data, [*lines, f"wrote {folder}"])
 
 
 def _left_out(system: OpticalSystem) -> list[str]:

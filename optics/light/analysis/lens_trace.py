@@ -111,8 +111,9 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
 def crosstalk(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
     """Return the light of the source in the middle of a plate that other lenses take on, of its flux.
 
-    All its ways through the whole plate are traced, to a plane behind it: `crosstalk` leaves forward by
-    fronts and rears of neighbours, `by_plate_edges` by walls and land.
+    All its ways through the whole plate are traced, to a plane behind it: `crosstalk` goes forward and last
+    left the glass by the front or the rear of a neighbour, `by_plate_edges` by walls and land.  Light that
+    goes back counts in neither; what a neighbour reflects from outside counts where it left the glass.
 
     backend : of double precision.
     """
@@ -140,7 +141,8 @@ def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
     share, error = (100 * metrics[name] for name in ("crosstalk", "crosstalk_error"))
     return [
         f"crosstalk {share:.3g} +- {error:.1g} %: light of the source in the middle that goes forward and "
-        f"last met a neighbour's front or rear; by walls and land {metrics['by_plate_edges']:.2%}"
+        "last left the glass by a neighbour's front or rear; by walls and land "
+        f"{metrics['by_plate_edges']:.2%}"
     ]
 
 

@@ -28,6 +28,11 @@ WORDS = {
     "rel_l2_sharp": (PERCENT, "rel_l2 without divergence of the light and roughness of the surfaces"),
     "rel_l2_one_blur": (PERCENT, "what one blur everywhere, that of this lens, allows at best: a model"),
     "rel_l2_by_etendue": (PERCENT, "what etendue allows any solid that brings as much light, at best"),
+    "rel_l2_diffraction": (PERCENT, "what waves leave of a lens that is perfect by rays: an estimate"),
+    **{
+        f"diffraction_blur_{unit}": (unit, "least blur by diffraction, lambda L / D")
+        for unit in ("mm", "degrees")
+    },
     "rel_l2_design_wavelength": (PERCENT, "rel_l2 in light of source.wavelength alone, by front and rear"),
     "from_nm": ("nm", "shorter one of two wavelengths whose rays are compared"),
     "to_nm": ("nm", "longer one of them"),
@@ -50,7 +55,7 @@ WORDS = {
     ),
     "crosstalk": (
         PERCENT,
-        "of the middle source's flux goes forward and last met a neighbour's front or rear",
+        "of the middle source's flux goes forward and last left the glass by a neighbour's front or rear",
     ),
     "by_plate_edges": (PERCENT, "of the middle source's flux leaves a plate forward by its walls and land"),
     "normal_incidence_transmittance": (

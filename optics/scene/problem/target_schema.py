@@ -46,7 +46,8 @@ class StopSpec:
 class Zone:
     """Limits of the light at places of the target, as a table [[target.zone]]; each of its points is a row.
 
-    Places are (H, V): in the far field the angles of a goniometer, on other targets x and y in mm.
+    Places are (H, V): in the far field the angles of a goniometer, u = H and v = atan(tan V / cos H) of the
+    target's pixels; on other targets x and y in mm.
 
     >>> Zone(box=((-9, -4), (9, -1.7)), greatest=12000).shape
     ('box', ((-9, -4), (9, -1.7)))
@@ -54,7 +55,10 @@ class Zone:
 
     name: str = option("", note="each has its own; --set target.zone.NAME.least=5000 changes a key of it")
     points: Rows = option(
-        (), size=(0, FARTHEST), note="[[H, V], ...] in degrees (mm), each by itself; H along +x"
+        (),
+        size=(0, FARTHEST),
+        note="[[H, V], ...]: degrees of a goniometer, v = atan(tan V / cos H), or mm; each by itself; "
+        "H along +x",
     )
     box: Rows = option((), size=(0, FARTHEST), note="two opposite corners; limits hold everywhere within")
     line: Rows = option((), size=(0, FARTHEST), note="from corner to corner; limits hold all along")
@@ -131,7 +135,8 @@ class Target:
     surface: str = option(
         "plane",
         choices=("plane", "cylinder", "sphere", "far_field"),
-        note="what is lit, from its own -z; the axis of a cylinder is its own y",
+        note="what is lit, from its own -z; the axis of a cylinder is its own y; on a sphere x and y are "
+        "arcs of longitude and latitude",
     )
     radius: float = option(
         inf,

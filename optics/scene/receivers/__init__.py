@@ -27,6 +27,11 @@ if TYPE_CHECKING:
         Window,
         filter_image,
     )
-    from optics.scene.receivers.zones import ZoneRow, chart_of_goniometer, zone_places, zone_rows
+    from optics.scene.receivers.zones import (
+        ZoneRow,
+        chart_of_goniometer as chart_of_goniometer,
+        zone_places,
+        zone_rows,
+    )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

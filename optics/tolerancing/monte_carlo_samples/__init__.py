@@ -1,4 +1,4 @@
-"""Lenses as they are made: errors at random within their tolerances, each lens traced exactly."""
+"""Lenses as they are made: errors at random within their tolerances, each lens traced by itself."""
 
 from thbcad.doors import TYPE_CHECKING, lazy_door
 

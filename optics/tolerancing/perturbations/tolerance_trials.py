@@ -1,4 +1,4 @@
-"""What each tolerance costs, traced exactly at plus and minus its amount.
+"""What each tolerance costs, traced at plus and minus its amount: within 1 % of finer traces.
 
 Beside it stands what the derivatives of the landing points predict (`LinearLight.moved`).  Irradiance itself
 is no good for a prediction: its derivative holds for hundredths of a pixel only, see there.

@@ -1,4 +1,4 @@
-"""The light of a perturbed lens, traced exactly: by cells, or of extended sources by a fixed set of rays."""
+"""The light of a perturbed lens: by the same cells for all, of extended sources by a fixed set of rays."""
 
 from __future__ import annotations
 

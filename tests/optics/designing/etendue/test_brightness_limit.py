@@ -10,7 +10,7 @@ from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
 from optics.scene.system import OpticalSystem
 from tests.cases import examples
-from tests.optics.cases import HOLLOW, small_system
+from tests.optics.cases import HOLLOW, flat_problem, small_system
 
 SMALL_TARGET = HOLLOW | {
     "source.kind": "lambertian",
@@ -139,3 +139,27 @@ def test_no_bound_forbids_the_light_of_a_wide_beam_through_a_thin_plate():
     bound = universal_bound(OpticalSystem(wide))
     assert bound.peak >= 1 / 400
     assert bound.most_on_target >= 1 / 400
+
+
+@pytest.mark.parametrize("outline", ["round", "ellipse", "rounded", "rectangle"])
+def test_the_brightest_pixel_is_the_radiance_times_the_area_within_the_outline(outline):
+    """Of 1000 lm from 1 mm^2 into pi sr, in cd along the axis of a flat lens; its walls add a little."""
+    half = (10.0, 6.0) if outline == "ellipse" else (10.0, 10.0)
+    corner = {"corner_radius": 4.0} if outline == "rounded" else {}
+    face = {"half_width": half, "freeform": {"spans": (2, 2), "z_freedom": 1e-4}}
+    problem = flat_problem(
+        {"kind": "lambertian", "half_width": (0.5, 0.5), "distance": 5.0, "flux": 1000.0, "unit": "lm"},
+        {"distance": np.inf, "half_width": (0.5, 0.5), "pixels": (8, 8)},
+        {"outline": outline, "front": {"half_width": half}, "rear": face} | corner,
+    )
+    a, b = half
+    area = {
+        "round": np.pi * a * b,
+        "ellipse": np.pi * a * b,
+        "rounded": 4 * a * b - (4 - np.pi) * 4.0**2,
+        "rectangle": 4 * a * b,
+    }[outline]
+    bound = universal_bound(OpticalSystem(problem))
+    candela = bound.peak * np.degrees(1.0) ** 2
+    walls = 2 * np.hypot(a, b) * problem.lens.thickness * np.tan(np.radians(0.5)) * 2**0.5
+    assert 1000 / np.pi * area <= candela <= 1000 / np.pi * 1.003 * (area + walls)

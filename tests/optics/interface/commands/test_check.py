@@ -230,3 +230,15 @@ def test_light_of_a_spectrum_is_foreseen_in_all_its_wavelengths(tmp_path, capsys
     thickness = load_problem(tmp_path / "problem.toml").lens.thickness
     left = (1 + math.exp(-0.5 * thickness)) / 2
     assert found[1] / found[0] == pytest.approx(left, rel=0.03)  # on the axis: other ways are longer
+
+
+@pytest.mark.slow
+def test_check_says_how_far_light_is_diffracted_where_that_matters(tmp_path, capsys):
+    """lambda L / D of 19 mm at 10 km; at 60 mm it is a hundredth of a pixel."""
+    path = str(write_problem(tmp_path, {"lens.rear.freeform.z_freedom": 5.0}))
+    far = "target.distance=1e7", "target.half_width=[500, 500]", "target.pixels=[48, 48]"
+    words = [word for key in far for word in ("--set", key)]
+    found = data_of(capsys, "check", path, *words)["diffraction"]
+    assert found["blur"] == pytest.approx(550e-6 * 1e7 / 19, rel=1e-3)
+    assert "diffraction: light of 550 nm" in printed(capsys, "check", path, *words)
+    assert "diffraction" not in data_of(capsys, "check", path, "--set", "target.pixels=[16, 16]")
