@@ -147,7 +147,9 @@ def _judged(found: Uniformity, light: Floats, drifts: Floats) -> Uniformity:
         min_over_mean=float(darkest.mean()),
         min_over_mean_error=error(crossed_error(darkest, low), lambda e: e.min(axis=-1) / e.mean(axis=-1)),
         min_over_max=ratio,
-        min_over_max_error=error(crossed_error(away, low), lambda e: e.min(axis=-1) / e.max(axis=-1)),
+        min_over_max_error=error(
+            crossed_error(away, low + high * light.shape[1]), lambda e: e.min(axis=-1) / e.max(axis=-1)
+        ),
         rsd=sqrt(max(square, 0.0)),
         rsd_error=error(root_error(square, variance), lambda e: e.std(axis=-1) / e.mean(axis=-1)),
     )

@@ -91,8 +91,7 @@ def test_a_stripe_of_few_boxes_is_not_judged():
     assert "leaves boxes on" in uniformity(np.ones((GRID, GRID)), stripe).reason
 
 
-@pytest.mark.parametrize("noise", [0.003, 0.01, 0.03])
-@pytest.mark.parametrize("dark", [1.0, 0.8], ids=["even", "one dark box"])
+@pytest.mark.parametrize(("noise", "dark"), [(0.003, 1.0), (0.03, 1.0), (0.003, 0.8), (0.01, 0.8)], ids=str)
 def test_errors_are_those_of_repetitions(noise, dark):
     """Light measured 300 times by 8 replicates: all numbers are right on average and spread as is said.
 
