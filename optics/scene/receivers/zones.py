@@ -125,16 +125,17 @@ class ZoneRow:
         signs = drift_signs(draws.shape[1:])
         drifts = [float((weights @ np.broadcast_to(s * drift, draws.shape[1:]).ravel())[0]) for s in signs]
         error = hypot(crossed_error(values, chosen), drift_error(0.0, drifts))
-        if len(draws) == 1:  # pixels twice as wide change three times what these leave
-            error = hypot(error, float((weights @ (draws[0] - _in_pairs(draws[0])).ravel())[0]) / 3)
+        if len(draws) == 1:  # pixels twice as wide change one to three times what these leave
+            wider = [float((weights @ (draws[0] - _in_pairs(draws[0], axis)).ravel())[0]) for axis in (0, 1)]
+            error = hypot(error, *(change / 2 for change in wider))
         return ZoneReading(value, error, least, self.greatest)
 
 
-def _in_pairs(light: Floats) -> Floats:
-    """Return light on its pixels, (rows, columns), as the mean of 2 x 2 of them shows it."""
-    rows, columns = (np.minimum(np.arange(n) // 2 * 2, max(n - 2, 0)) for n in light.shape)
-    down, along = (np.minimum(first + 1, n - 1) for first, n in zip((rows, columns), light.shape))
-    return np.asarray(sum(light[np.ix_(r, c)] for r in (rows, down) for c in (columns, along)) / 4)
+def _in_pairs(light: Floats, axis: int) -> Floats:
+    """Return light on its pixels, (rows, columns), as means over two in one direction show it."""
+    count = light.shape[axis]
+    first = np.minimum(np.arange(count) // 2 * 2, max(count - 2, 0))
+    return np.asarray((light.take(first, axis) + light.take(np.minimum(first + 1, count - 1), axis)) / 2)
 
 
 def _chosen(readings: csr_array, draws: Floats, brightest: bool) -> tuple[Floats, Integers]:
