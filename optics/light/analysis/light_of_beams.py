@@ -40,8 +40,8 @@ SUNFLOWER, SEVERAL = 2, 8
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
-FINER = 3  # pixels of the sharp light in one of the screen, in each direction
-# a filter without the highest frequency of these finer pixels, which leaves 63/64 of the screen's highest
+FINER = 5  # pixels of the sharp light in one of the screen, in each direction
+# a filter without the highest frequency of these finer pixels, which leaves nearly all of the screen's
 STILL = np.array([1, -6, 15, 44, 15, -6, 1]) / 64
 LEAST_CELLS = 128
 BORDERS = Borders(cells=1000, bisections=5)  # of the cells of a beam: more of both change 1e-4 of the light
