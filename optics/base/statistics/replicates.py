@@ -41,11 +41,11 @@ def jackknife_error(count: int, value_without: Callable[[int], float | Floats]) 
 
 
 def crossed_choice(draws: Floats, choose: Callable[..., Integers]) -> Integers:
-    """Return for every replicate what the mean of the other half of the replicates chooses, (R,).
+    """Return for every replicate the place that the mean of the other half of the replicates chooses, (R,).
 
-    The least value of a noisy mean lies below the least value of the light.  A replicate's value where other
-    replicates are least is right for that place, so that its mean is too large by at most what the places
-    differ that noise confuses: less than its own error for boxes of independent noise.
+    The minimum of a noisy mean is biased low, because it follows the noise.  At a place that other replicates
+    chose, a replicate's value is unbiased for that place.  Where noise confuses places of nearly equal light,
+    the mean of these values lies above the true minimum by less than its own error.
 
     draws : (R, n).  choose : np.argmin or np.argmax.
     """
@@ -58,8 +58,8 @@ def crossed_choice(draws: Floats, choose: Callable[..., Integers]) -> Integers:
 def crossed_error(values: Floats, chosen: Integers) -> float:
     """Return the standard error of the mean of values at a `crossed_choice`.
 
-    It is that of the spread.  Where the halves choose different places it is the larger of the spread within
-    them and half of what lies between them, which holds the error of the choice as well.
+    Where both halves choose the same place, it follows from the spread of all values.  Else it is the larger
+    of the spread within the halves and half of the difference between them, which includes the choice.
 
     values, chosen : (R,).
     """
@@ -71,11 +71,11 @@ def crossed_error(values: Floats, chosen: Integers) -> float:
 
 
 def unbiased_square(draws: Floats) -> tuple[float, float]:
-    """Return (square of the norm of what replicates are replicates of, the variance of that).
+    """Return (||x||^2 of the vector x that all replicates measure, the variance of this estimate).
 
-    With the products h_rs of replicates r and s it is the mean of h_rs over all r != s, which noise does not
-    add to; of one replicate it is h_11.  The variance is that of the jackknife, less what this counts twice
-    of the noise alone (the second term of Hoeffding's decomposition).
+    The estimate is the mean of the products (x_r, x_s) over all replicates r != s, so that noise adds nothing
+    to it; one replicate alone has ||x_1||^2.  The variance is the jackknife's, corrected for the part that
+    noise alone makes, which the jackknife counts twice (the second term of Hoeffding's decomposition).
 
     draws : (R, n).
     """

@@ -66,7 +66,7 @@ class LightEstimate:
     """Independent, unbiased measurements of the same light.
 
     draws : with a leading axis of R replicates; 1 of light that is the same every time.
-    drift : what finer cells would add to all of them, about.
+    drift : the change that finer cells would make in all of them, about.
     """
 
     draws: Light
@@ -145,8 +145,8 @@ class LightEstimate:
         return (self.irradiance + signs * self.drift.pixels for signs in drift_signs(self.irradiance.shape))
 
     def error_of(self, value: Callable[[Floats], float]) -> float:
-        """Return the standard deviation of a function of the irradiance, (rows, columns): the jackknife's,
-        and what the drift changes."""
+        """Return the standard deviation of a function of the irradiance, (rows, columns): by the jackknife, and
+        by the change that the drift makes."""
         total, images = self.draws.pixels.sum(axis=0), self.draws.pixels
         rest = max(self.count - 1, 1)
         noise = float(jackknife_error(self.count, lambda r: value((total - images[r]) / rest)))
@@ -170,12 +170,12 @@ class LightEstimate:
         return hypot(float(standard_error(self.draws.off)), float(self.drift.off))
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float]:
-        """Return what the estimate's error does to rel_l2 = ||E - T|| / ||T||, for E and T of unit mean.
+        """Return rel_l2 = ||E - T|| / ||T|| without its bias by noise, and its error, for E and T of unit mean.
 
         rel_l2_floor : the L2 norm of E's error, relative to T.
-        rel_l2_debiased : rel_l2 without what noise adds to it: the mean of (E_r - T, E_s - T) over replicates
-            r != s, see `unbiased_square`.
-        rel_l2_error : the standard deviation of that, and what the drift changes, at most.
+        rel_l2_debiased : the root of the mean of (E_r - T, E_s - T) / ||T||^2 over replicates r != s, see
+            `unbiased_square`.
+        rel_l2_error : its standard deviation, with the change that the drift makes.
         """
         norm = float(np.linalg.norm(target) / target.mean())
         if self.irradiance.mean() <= 0:

@@ -90,7 +90,7 @@ class BoxGrid:
         return np.asarray(sums[np.ix_(last, last)] - above - before + sums[np.ix_(first, first)] == 0)
 
     def without_light(self) -> Uniformity:
-        """Return what is known before light is: the boxes, and the reason why too few of them count."""
+        """Return the boxes alone, with the reason if too few of them count for a verdict."""
         counting, region = self.counting, self.region
         left = float(counting.mean() / region.inside.mean()) if region.inside.any() else 0.0
         box = region.size[0] / self.grid, region.size[1] / self.grid
