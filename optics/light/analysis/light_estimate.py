@@ -145,8 +145,10 @@ class LightEstimate:
         return (self.irradiance + signs * self.drift.pixels for signs in drift_signs(self.irradiance.shape))
 
     def error_of(self, value: Callable[[Floats], float]) -> float:
-        """Return the standard deviation of a function of the irradiance, (rows, columns): by the jackknife, and
-        by the change that the drift makes."""
+        """Return the standard deviation of a function of the irradiance, (rows, columns).
+
+        It is the jackknife's, together with the change that the drift makes.
+        """
         total, images = self.draws.pixels.sum(axis=0), self.draws.pixels
         rest = max(self.count - 1, 1)
         noise = float(jackknife_error(self.count, lambda r: value((total - images[r]) / rest)))
@@ -170,7 +172,7 @@ class LightEstimate:
         return hypot(float(standard_error(self.draws.off)), float(self.drift.off))
 
     def error_of_rel_l2(self, target: Floats) -> dict[str, float]:
-        """Return rel_l2 = ||E - T|| / ||T|| without its bias by noise, and its error, for E and T of unit mean.
+        """Return rel_l2 = ||E - T|| / ||T|| of unit means without its bias by noise, and its error.
 
         rel_l2_floor : the L2 norm of E's error, relative to T.
         rel_l2_debiased : the root of the mean of (E_r - T, E_s - T) / ||T||^2 over replicates r != s, see

@@ -86,7 +86,9 @@ def test_a_measurement_is_that_of_all_rays(tmp_path, backend, monkeypatch):
     """But for the roulette of light by other ways, whose branches are drawn."""
     system = system_of(tmp_path)
     lens = symmetric_lens(system)
-    monkeypatch.setattr("optics.light.analysis.metrics._more_rays", lambda *_: 1.0)  # noise would ask for them
+    monkeypatch.setattr(
+        "optics.light.analysis.metrics._more_rays", lambda *_: 1.0
+    )  # noise would ask for them
     half = measure(system, lens, backend)
     for module in ("light_by_all_ways", "closed_lens_light"):
         monkeypatch.setattr(f"optics.light.analysis.{module}.light_axes", lambda *_: ())
