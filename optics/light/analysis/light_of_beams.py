@@ -36,7 +36,7 @@ from thbcad.checks import Floats
 
 # samples of a replicate: of one quantity that spreads a sunflower, which is turned by quarters so that
 # symmetric light stays symmetric; of several Sobol points in all their dimensions
-SUNFLOWER, SEVERAL = 2, 8
+SUNFLOWER, SEVERAL = 2, 16
 QUARTERS = pi / 2 * np.arange(4)
 # in each direction: what single beams leave is averaged over all of them, the sharp light stands alone
 CELLS_PER_PIXEL, SHARP_CELLS_PER_PIXEL = 2, 5
