@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optics.base.runtime import load_backend
-from optics.light.analysis.light_estimate import LightEstimate
+from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.light.analysis.light_of_rays import light_of_parts
 from optics.scene.problem import load_problem
 from optics.scene.system import OpticalSystem
@@ -68,8 +68,9 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
     def replicates():
         for _ in range(REPLICATES):
             parts = system.source.parts((SIDE, SIDE), rng)
-            image, fates = light_of_parts(system.path(lens), system.slope_rms, screen, parts, rng, backend)
-            yield image, fates.on_target, fates.off_target
+            path, rms = system.path(lens), system.slope_rms
+            images, fates = light_of_parts(path, rms, [screen], parts, rng, backend)
+            yield Light.of(images, fates.on_target, fates.off_target)
 
     light = LightEstimate.of_replicates(replicates())
     lit = np.argwhere(light.irradiance > light.irradiance.mean())
