@@ -220,7 +220,7 @@ def images_of_cells(
     backend: Backend,
     borders: Borders = FINEST,
 ) -> tuple[list[Floats], SequentialFates]:
-    """Return what `cell_irradiance` does of several screens; fates are those of the first."""
+    """Return the irradiance of several screens, and the flux by fate on the first, see `cell_irradiance`."""
     of_points: Tracer | None = None
 
     def trace(rays: RayGrid | Rays) -> tuple[Tracer, Landing]:

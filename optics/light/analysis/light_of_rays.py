@@ -95,7 +95,7 @@ def light_of_parts(
 ) -> tuple[list[Floats], SequentialFates]:
     """Return (irradiance of every screen, (rows, columns), flux by fate) of rays, traced in parts.
 
-    slope_rms, fresh : as of `traced_parts`.  Fates are those of the first screen.
+    slope_rms, fresh : as of `traced_parts`.  Fates are of the first screen.
     """
     splats = [Splat(backend, screen, BoxWindow()) for screen in screens]
     images: list[DrArray] = [0.0] * len(screens)
