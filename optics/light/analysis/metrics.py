@@ -92,8 +92,8 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
-    not negligible, and so is light that misses an element and goes on to the target.  `rel_l2_sequential` counts
-    light through front and rear alone.  Errors come from replicates, see `LightEstimate`.
+    not negligible, and so is light that misses an element and goes on to the target.  `rel_l2_sequential` is
+    of light through front and rear alone.  Errors come from replicates, see `LightEstimate`.
     """
     system = system.with_all_sources
     screen, path, estimator = system.target.screen(), system.shaded_path(lens), estimator_of(system)
