@@ -88,6 +88,7 @@ QUICK = \
 	tests/optics/designing/progress \
 	tests/optics/scene/ray_files \
 	tests/optics/interface/relighting \
+	tests/optics/interface/screens \
 	tests/optics/reporting/live/test_live.py \
 	tests/optics/reporting/report/test_html.py \
 	tests/optics/exchange/results \

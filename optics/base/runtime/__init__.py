@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .backend import ARRAY_TYPES, PACKED, PRECISIONS, Backend, DrArray, load_backend as load_backend
-    from .checks import RESOLVED, Check, Grade, Result, check_lines, checks_of, grade, verification
+    from .checks import RESOLVED, Check, Grade, Result, Subject, check_lines, checks_of, grade, verification
     from .errors import LONGEST, NumericalError, UserError, is_text, note, printable, speaking_of
     from .garbage import collect_rarely
     from .held_device import device, one_blas_thread

@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from optics.designing.prediction.blurred_picture import blur_limits, blur_sentence
     from optics.designing.prediction.diffracted_light import diffraction, diffraction_of, in_waves
     from optics.designing.prediction.displaced_pictures import displaced_limits, displaced_sentence
-    from optics.designing.prediction.expectation import Expectation, expected
+    from optics.designing.prediction.expectation import LEAST_ERROR, Expectation, expected
     from optics.designing.prediction.expectation_text import expectation_lines
     from optics.designing.prediction.foreseen_verdict import foreseen_misses
 

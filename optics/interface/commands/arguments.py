@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Callable, Sequence
 
 from optics.interface.commands.command_examples import examples_text
@@ -32,15 +33,28 @@ FIRST_STEPS = """thbcad designs freeform lenses: from the light that is asked fo
   thbcad --help                       list all commands; thbcad COMMAND --help explains one"""
 
 
+EXIT_CODES = """Exit codes: 0 done; 1 the light fails its limits, or that is not decided;
+2 bad input; 3 numerical failure; 4 the file, a part or a manufacturing limit
+fails; 70 internal error; 130 interrupted; 143 terminated."""
+HELP_WIDTH, HELP_COLUMN = 80, 14  # of the list of commands
+# commands by what they are for, as the help lists them
+GROUPS = {
+    "Start": ("new", "check", "design"),
+    "Look": ("verify", "trace", "relight", "etendue", "road"),
+    "Make": ("export", "sheet", "pack", "tolerance", "tool", "asbuilt"),
+    "Many": ("sweep",),
+    "Developers": ("bench", "completion"),
+}
+WITH_SCREEN = ("check", "design", "verify", "tolerance", "tool", "etendue", "asbuilt", "road")
+
+
 def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
     """Return the parser of the command line and those of its commands (nothing heavy is imported)."""
     main = CommandParser(
         prog="thbcad",
         description="Freeform illumination lenses: from a target picture to a verified STEP solid.",
-        epilog="exit codes: 0 done; 1 the light misses what was asked for, or that is not decided; "
-        "2 bad input; 3 numerical failure; 4 a file, a part or a limit of making fails; 70 internal error; "
-        "130 interrupted; 143 terminated",
     )
+    main.listing = f"{_commands_text()}\n\nthbcad COMMAND --help explains a command.\n{EXIT_CODES}\n"
     main.add_argument("--version", action="version", version=f"thbcad {__version__}")
     added = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
     commands = {}
@@ -53,7 +67,7 @@ def parsers() -> tuple[CommandParser, dict[str, CommandParser]]:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         options(commands[name])
-        _common_options(commands[name])
+        _common_options(commands[name], name in WITH_SCREEN)
     return main, commands
 
 
@@ -73,8 +87,26 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     return options
 
 
-def _common_options(command: CommandParser) -> None:
-    command.switch("--json", "print the result as JSON")
+def _commands_text() -> str:
+    """Return a line for each command, in groups, for the help of the program."""
+    lines = []
+    for group, names in GROUPS.items():
+        lines += [f"{group}:", *(_command_line(name, COMMANDS[name][0]) for name in names), ""]
+    return "\n".join(lines[:-1])
+
+
+def _command_line(name: str, sentence: str) -> str:
+    """Return a command and what it does, in at most 80 columns."""
+    words = textwrap.wrap(sentence, HELP_WIDTH - HELP_COLUMN)
+    return f"\n{' ' * HELP_COLUMN}".join([f"  {name:{HELP_COLUMN - 2}}{words[0]}", *words[1:]])
+
+
+def _common_options(command: CommandParser, screen: bool) -> None:
+    """Add the options of all commands.  screen : the command has a first screen and more to say."""
+    printed = command.add_mutually_exclusive_group()
+    printed.add_argument("--json", action="store_true", help="print the result as JSON")
+    if screen:
+        printed.add_argument("--full", action="store_true", help="print everything that is known")
     amount = command.add_mutually_exclusive_group()
     amount.add_argument(
         "-v",
@@ -242,45 +274,45 @@ def _etendue_options(command: CommandParser) -> None:
 
 # by name: what the command does, and what adds its options
 COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
-    "design": ("shape the lens, write the STEP solid, verify it, report", _design_options),
+    "design": ("optimise the lens, write and verify the STEP solid, write a report", _design_options),
     "new": ("print a commented problem file to start from", _new_options),
-    "check": ("read the problem and say what lens to expect, without optimising", _check_options),
+    "check": ("predict lens, light, error and run time in seconds, without optimising", _check_options),
     "verify": (
-        "check the STEP file of a result folder against its lens, or a STEP file by itself",
+        "check the STEP file of a result, or any STEP file, with other programs",
         _verify_options,
     ),
     "export": (
-        "write the lens for other programs, read it back and compare it with the exact surfaces",
+        "write the lens in another format, and compare that file with the lens",
         _export_options,
     ),
-    "sheet": ("write the drawing of the lens with its indications for the shop", sheet_options),
+    "sheet": ("draw the lens with dimensions and ISO 10110 indications", sheet_options),
     "pack": (
-        "put part, drawing, points, rays and expected light into one zip for another program or the shop",
+        "zip everything that another program or the shop needs",
         pack_options,
     ),
     "trace": (
-        "trace the lens of a result folder again: flux by fate, reflections, phase space",
+        "trace a result again: losses, stray paths, phase space",
         _trace_options,
     ),
     "etendue": (
-        "what light the source can make at all: what etendue forbids, what one blur would cost",
+        "say whether any lens can make this light from this source",
         _etendue_options,
     ),
-    "relight": ("show a finished design in other light", relight_options),
-    "road": ("judge a road under lamps with this light by its lighting class, EN 13201", road_options),
-    "sweep": ("design every combination of the values of some keys, side by side", sweep_options),
+    "relight": ("show a finished design with another source", relight_options),
+    "road": ("judge a road lit by this lens or luminaire file, by EN 13201", road_options),
+    "sweep": ("design all combinations of some values, in parallel", sweep_options),
     "tolerance": (
-        "say what errors of lens, source and target do to the light, and what shop and mount must hold",
+        "say which manufacturing and mounting errors cost most light",
         tolerance_options,
     ),
     "tool": (
-        "say whether a tool fits, how its cusps blur the light, and how its machine must move",
+        "say whether a tool fits, and what its cusps do to the light",
         tool_options,
     ),
     "asbuilt": (
-        "show the light of a lens as it was made, from measured points of its surface",
+        "show the light of a manufactured lens, from its measured surface",
         asbuilt_options,
     ),
-    "bench": ("run a benchmark of a checkout and print its results beside their limits", bench_options),
-    "completion": ("print a script that completes commands and options in a shell", _completion_options),
+    "bench": ("run a benchmark of a checkout, and compare it with its limits", bench_options),
+    "completion": ("print a shell script that completes commands and options", _completion_options),
 }

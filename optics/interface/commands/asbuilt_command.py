@@ -13,6 +13,7 @@ from optics.base.runtime import NumericalError
 from optics.exchange.results import beside, require_own, writable_folder, write_recorded
 from optics.interface.api import Design
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.interface.screens import made_screen
 from optics.light.analysis import loss_notes
 from optics.scene.system import designed_part
 from optics.tolerancing.metrology import FileFrame, Way, as_built_data, as_built_lines
@@ -60,4 +61,5 @@ def asbuilt(options: Namespace) -> Outcome:
     data = as_built_data(built) | verdict.data()
     write_recorded(folder, RECORD, data, contents, {STEP} - contents.keys())
     lines = [*as_built_lines(built), f"as made: {verdict}", f"wrote {folder}"]
-    return Outcome(data, lines, OF_GRADES[verdict.grade])
+    screen = made_screen(built, verdict, folder)
+    return Outcome(data, lines, OF_GRADES[verdict.grade], screen)

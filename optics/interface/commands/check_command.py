@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from optics.base.runtime import note, speaking_of
-from optics.designing.etendue import etendue_notes
+from optics.designing.etendue import UNBOUND, etendue_notes
 from optics.designing.optimisation import Stage, can_cross
 from optics.designing.prediction import (
     Expectation,
@@ -26,6 +27,7 @@ from optics.designing.starts import STEEP, spot_lens
 from optics.interface.api import require_engine
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
+from optics.interface.screens import Heading, check_screen
 from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
 from optics.scene.keys import AUTO
@@ -55,23 +57,21 @@ def check(options: Namespace) -> Outcome:
         missed = foreseen_misses(system, expectation, limits, backend, displaced)
         data["missed"] = missed
         asked = "picture" if system.problem.target.kind == "image" else "light asked for"
+        urgent = [*filter(None, [fire]), *_notes(system, expectation, chosen)]
+        etendue = etendue_notes(system)
+        notes = [*urgent, *etendue.limits]
+        if etendue.background and not etendue.limits:
+            notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
         lines = [
-            f"{system.problem.title}: the problem is valid"
-            + (", but its limits may not be kept" if missed else ""),
+            Heading("Problem"),
             *missed,
             f"{asked} {_by(picture.shape[::-1])}, target {_by(data['target_pixels'])} pixels, "
             f"{data['dark_share']:.0%} of them dark",
             *_side_lines(system),
+            Heading("What to expect"),
             f"before optimisation: least thickness {least.value:.4g} mm {position(least)}",
             *expectation_lines(system, expectation),
         ]
-        lines += [
-            f"level {s.level}: {_by(s.pixels)} pixels{f' of {_by([s.parts] * 2)} parts' * (s.parts > 1)}, "
-            f"{_by(s.rays)} rays, {s.iterations} iterations"
-            for s in plan
-        ]
-        if options.explain:
-            lines += [skip.line for skip in system.skips]
         if limits is not None:
             data["blur"] = asdict(limits)
             lines.append(f"blur: {blur_sentence(system, limits)}")
@@ -82,9 +82,29 @@ def check(options: Namespace) -> Outcome:
             data["diffraction"] = asdict(waves)
             lines.append(f"diffraction: {waves.sentence(system.target.unit)}")
         lines += [
-            f"note: {sentence}" for sentence in (*filter(None, [fire]), *_notes(system, expectation, chosen))
+            Heading("Stages"),
+            *(
+                f"level {s.level}: {_by(s.pixels)} pixels"
+                f"{f' of {_by([s.parts] * 2)} parts' * (s.parts > 1)}, "
+                f"{_by(s.rays)} rays, {s.iterations} iterations"
+                for s in plan
+            ),
         ]
-        return Outcome(data, lines)
+        if options.explain:
+            lines += [Heading("Skipped"), *(skip.line for skip in system.skips)]
+        if notes:
+            lines += [Heading("Notes"), *(f"note: {sentence}" for sentence in notes)]
+        words = options.words
+        if set(etendue.limits) - {UNBOUND}:
+            urgent.append(f"etendue limits this light; see {_command(words, 'etendue')}")
+        commands = _command(words, "design"), _command(words, "check", "--full")
+        return Outcome(data, lines, screen=check_screen(system, expectation, missed, urgent, commands))
+
+
+def _command(words: Sequence[str], name: str, *more: str) -> str:
+    """Return the command line of `check` as that of another command, for a shell.  more : options."""
+    kept = [word for word in words[1:] if word not in ("--json", "--full", "--explain")]
+    return shlex.join(["thbcad", name, *kept, *more])
 
 
 def _side_lines(system: OpticalSystem) -> list[str]:
@@ -144,10 +164,7 @@ def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> lis
         # a note on the sag names what helps both
         shared = f"; {remedy}" + shared * (len(system.freeforms) == 1)
         notes.append(sentence + shared * (not expectation.note))
-    etendue = etendue_notes(system)
-    if etendue.background and not etendue.limits:
-        notes.append("etendue forbids nothing here; `thbcad etendue` has the bounds")
-    return [*notes, *advice(system), *etendue.limits]
+    return [*notes, *advice(system)]
 
 
 def _unit_notes(system: OpticalSystem) -> list[str]:

@@ -26,6 +26,7 @@ from optics.base.workers import lacks_memory
 from optics.interface.commands.arguments import parsed
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.stop_signals import stop_signals
+from optics.interface.screens import full_text, screen_text
 from thbcad.doors import MissingPackage, missing_packages, not_installed, require_one_occt
 from thbcad.io import json_text
 
@@ -85,9 +86,16 @@ def _run(options: Namespace) -> int:
             stack.enter_context(redirect_stderr(stack.enter_context(open(os.devnull, "w"))))
         outcome: Outcome = getattr(command, options.command)(options)
     with _printing():
-        text = json_text(outcome.data) if options.json else "\n".join(map(printable, outcome.lines))
-        print(text, flush=True)
+        print(json_text(outcome.data) if options.json else _text(outcome, options), flush=True)
     return outcome.code
+
+
+def _text(outcome: Outcome, options: Namespace) -> str:
+    """Return what a command prints: its screen, with all lines after it for --full, or its lines alone."""
+    if outcome.screen is None:
+        return "\n".join(map(printable, outcome.lines))
+    shown = screen_text(outcome.screen, sys.stdout)
+    return f"{shown}\n\n{full_text(outcome.lines, sys.stdout).lstrip()}" if options.full else shown
 
 
 def _require_date() -> None:

@@ -59,7 +59,17 @@ def _meant(word: str, known: Iterable[str]) -> str:
 
 
 class CommandParser(ArgumentParser):
-    """A parser whose errors are UserErrors: one sentence, as all of this program's are."""
+    """A parser whose errors are UserErrors: one sentence, as all of this program's are.
+
+    listing : text that the help shows after the description, in place of arguments and options.
+    """
+
+    listing = ""
+
+    def format_help(self) -> str:
+        if not self.listing:
+            return super().format_help()
+        return f"{self.format_usage()}\n{self.description}\n\n{self.listing}"
 
     def option(self, name: str, metavar: str | tuple[str, ...], help: str, **settings: Any) -> None:
         """Add an option with a value.  settings : as of `add_argument`."""

@@ -30,6 +30,7 @@ from optics.exchange.results import (
 from optics.interface.commands.outcome import OF_GRADES, Outcome, number_text
 from optics.interface.commands.problem_options import changes_of, result_path, system_of
 from optics.interface.relighting import given_system
+from optics.interface.screens import Heading, design_screen
 from optics.light.analysis import (
     WHAT_HELPS,
     counted_ways,
@@ -254,7 +255,9 @@ def _outcome(written: Written, system: OpticalSystem) -> Outcome:
         f"psnr {number_text(metrics['psnr_db'], '.2f')} dB   ssim {number_text(metrics['ssim'], '.3f')}"
     )
     lines = [
+        Heading("Checks"),
         *check_lines(checked),
+        Heading("Light"),
         *fit,
         *[picture] * requested,
         f"efficiency {metrics['efficiency']:.4f}   on the lit region {metrics['lit_efficiency']:.4f}   "
@@ -267,4 +270,5 @@ def _outcome(written: Written, system: OpticalSystem) -> Outcome:
         f"solid {folder.step}   report {folder.path / 'report.html'}",
     ]
     data = {"folder": str(folder.path), "metrics": metrics, "verify": checked}
-    return Outcome(data, lines, OF_GRADES[checked["grade"]])
+    screen = design_screen(metrics, checked, folder.path, misses)
+    return Outcome(data, lines, OF_GRADES[checked["grade"]], screen)

@@ -34,6 +34,7 @@ from optics.designing.etendue import (
 from optics.exchange.results import ResultFolder
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import picture_path, system_of
+from optics.interface.screens import etendue_screen
 from optics.light.analysis import passing_share, passing_words
 from optics.light.blur import patch_images
 from optics.scene.system import OpticalSystem
@@ -71,7 +72,7 @@ def etendue(options: Namespace) -> Outcome:
         if getattr(options, name) and (without or not one_blur_tells(system)):
             raise UserError(f"{without or OFF_AXIS}; leave out --{name}")
     if without:
-        return Outcome(data, [*lines, without])
+        return Outcome(data, [*lines, without], screen=etendue_screen(system, data, without, 0.0, None))
     universal = universal_bound(system)
     efficiency = options.efficiency or usual_efficiency(system, universal)
     cap = greatest_slack(system, universal.most / passing.radiance)
@@ -95,7 +96,7 @@ def etendue(options: Namespace) -> Outcome:
         },
     }
     if not one_blur_tells(system):
-        return Outcome(data, [*lines, OFF_AXIS])
+        return Outcome(data, [*lines, OFF_AXIS], screen=etendue_screen(system, data, "", efficiency, None))
     data["one_blur"], alike, more = _one_blurs(system, efficiency)
     lines += more
     if options.measure:
@@ -106,7 +107,7 @@ def etendue(options: Namespace) -> Outcome:
 
         write_bytes(out, bound_figure(universal, alike, system.target.screen()))
         lines.append(f"wrote {out}")
-    return Outcome(data, lines)
+    return Outcome(data, lines, screen=etendue_screen(system, data, "", efficiency, out))
 
 
 def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from optics.base.runtime import UserError, check_lines, verification
 from optics.interface.commands.light_export import LUMINAIRE_SUFFIXES, traceable, traced_intensity
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.interface.screens import road_screen
 from optics.light.roads import CLASSES, RANGES, Installation, read_r_table, road_checks, uniformity
 from optics.scene.luminaires import Luminaire, read_luminaire
 
@@ -38,10 +39,13 @@ def road(options: Namespace) -> Outcome:
         "uniformity": even,
         **checked,
     }
-    lines = [
+    where = (
         f"lamps {installation.height:g} m high, {installation.spacing:g} m apart, rows: {installation.rows}; "
         f"{installation.lanes} lanes of {installation.lane_width:g} m, "
-        f"maintenance {installation.maintenance:g}",
+        f"maintenance {installation.maintenance:g}"
+    )
+    lines = [
+        where,
         f"{lamp.flux:.6g} lm leave each lens or plate, {installation.lenses} in a lamp"
         + (f"; noise {noise:.2%} of the intensity (L2)" if noise else ""),
         *([f"{options.r_table}: specular factor S1 = {surface.specular:.3g}"] if surface else []),
@@ -49,7 +53,8 @@ def road(options: Namespace) -> Outcome:
         *([f"uniformity U0 of the illuminance, least over mean: {even:.2f}"] if even is not None else []),
         f"class {options.lighting_class} of EN 13201-2:2015 {VERDICTS[checked['grade']]}",
     ]
-    return Outcome(data, lines, OF_GRADES[checked["grade"]])
+    screen = road_screen(options.lighting_class, where, checks)
+    return Outcome(data, lines, OF_GRADES[checked["grade"]], screen)
 
 
 def _lamp(options: Namespace) -> tuple[Luminaire, Sequence[Luminaire], float]:

@@ -14,6 +14,7 @@ from optics.exchange.results import require_own, run_id, writable_folder, write_
 from optics.interface.api import Design, form_tolerances, monte_carlo, require_monte_carlo, tolerances
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.tolerance_amounts import Amounts, amounts_of, limits_of, periods_of
+from optics.interface.screens import tolerance_screen
 from optics.reporting.report import PageSection, section_page
 from optics.tolerancing.form_errors import FORM_HEAD, FormErrors, form_obstacle, form_rows, form_sentences
 from optics.tolerancing.monte_carlo_samples import MonteCarlo
@@ -102,7 +103,7 @@ def tolerance(options: Namespace) -> Outcome:
 
     data = study.data()
     write_recorded(folder, RECORD, data, {PAGE: _page(study).encode()})
-    rows = [HEAD, *effect_rows(study.budget)]
+    budget, rows = study.budget, [HEAD, *effect_rows(study.budget)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths)).rstrip() for row in rows]
     lines = [
@@ -114,7 +115,9 @@ def tolerance(options: Namespace) -> Outcome:
         *study.of_made(),
         *study.of_form(),
     ]
-    return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"])
+    notes = [*([study.obstacle] if study.obstacle else []), *study.of_made()]
+    screen = tolerance_screen(budget, study.form, notes, design.problem.title, folder / PAGE)
+    return Outcome(data, [*lines, f"wrote {folder / PAGE} and {folder / RECORD}"], screen=screen)
 
 
 def _study(

@@ -9,6 +9,7 @@ from pathlib import Path
 from optics.base.runtime import check_lines, verification
 from optics.exchange.results import ResultFolder, require_own, writable_folder, write_recorded
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.interface.screens import tool_screen
 from optics.reporting.report import check_page
 from optics.tolerancing.machining import ToolOrder, tool_data, tool_findings, tool_lines
 
@@ -32,4 +33,6 @@ def tool(options: Namespace) -> Outcome:
     page = check_page(f"{system.problem.title}: tools", data, lines, [(c, p) for _, c, p in figures])
     files = {name: picture for name, _, picture in figures} | {PAGE: page.encode()}
     write_recorded(folder, RECORD, data, files, {*PICTURES} - {*files})
-    return Outcome(data, [*lines, *check_lines(checked), f"wrote {folder}"], OF_GRADES[checked["grade"]])
+    screen = tool_screen(findings, system.problem.title, folder)
+    lines += [*check_lines(checked), f"wrote {folder}"]
+    return Outcome(data, lines, OF_GRADES[checked["grade"]], screen)

@@ -25,6 +25,7 @@ from optics.base.runtime import (
 from optics.exchange.results import SCENE, ResultFolder, require_own, writable_folder, write_recorded
 from optics.exchange.verification import StepFile
 from optics.interface.commands.outcome import OF_GRADES, Outcome
+from optics.interface.screens import verify_screen
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
 from optics.scene.system import (
@@ -175,7 +176,15 @@ def verify(options: Namespace) -> Outcome:
     if light is not None:
         checked["light"] = light.data
         lines += light.lines
-    return Outcome(checked, lines, OF_GRADES[checked["grade"]])
+    screen = verify_screen(checked, _compared(path, options.lens, alone), light.lines if light else ())
+    return Outcome(checked, lines, OF_GRADES[checked["grade"]], screen)
+
+
+def _compared(path: Path, lens: str | None, alone: bool) -> str:
+    """Return which file was checked, and with what it agrees where all checks pass."""
+    if lens is not None:
+        return f"the part in {path} holds the lens of {lens}"
+    return f"{path} is a sound solid" if alone else f"{path / 'lens.step'} is the designed surface"
 
 
 def _light_checks(path: Path) -> list[Check]:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         light_with_cusps,
         traced_points,
     )
-    from .findings import SpiralMotion, SurfaceFindings, ToolFindings, tool_findings
+    from .findings import RISE, SpiralMotion, SurfaceFindings, ToolFindings, tool_findings
     from .tool_order import ToolOrder
     from .tool_words import tool_data, tool_lines
 

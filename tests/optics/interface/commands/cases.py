@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.interface.commands import main
+from optics.interface.commands.arguments import WITH_SCREEN
 from tests.cases import ROOT
 
 QUICK = {"optimizer.iterations": [3], "lens.rear.freeform.max_level": 1, "title": 'quick <b>"&'}
@@ -62,9 +63,16 @@ def command(*arguments, **options):
     )
 
 
+def in_full(arguments):
+    """Return the arguments of a command as texts, with --full if it has a first screen and prints text."""
+    words = [str(word) for word in arguments]
+    screen = words and words[0] in WITH_SCREEN and not {"--json", "--full", "--help"} & {*words}
+    return [*words, "--full"] if screen else words
+
+
 def run(capsys, *arguments):
-    """Run a command here, and return its exit code and its texts."""
-    code = main([str(word) for word in arguments])
+    """Run a command here with everything that it can print, and return its exit code and its texts."""
+    code = main(in_full(arguments))
     captured = capsys.readouterr()
     return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 

@@ -50,7 +50,7 @@ def test_the_help_lists_all_commands_and_exit_codes(capsys):
     page = capsys.readouterr().out
     assert page.startswith("usage: thbcad")
     assert all(re.search(rf"^ +{name}\b", page, re.MULTILINE) for name in NAMES)
-    codes = re.findall(r"(\d+) \w", page.partition("exit codes: ")[2])
+    codes = re.findall(r"(\d+) \w", page.partition("Exit codes: ")[2])
     assert {*map(int, codes)} == {*OF_GRADES.values(), 0, 2, 3, INTERNAL_ERROR, 130, 143}
 
 
@@ -196,7 +196,7 @@ def test_a_folder_is_not_named_after_a_file_whose_name_windows_refuses(arguments
 def test_a_changed_key_changes_what_a_command_does(tmp_path, capsys):
     path = write_problem(tmp_path)
     out = printed(capsys, "check", path, "--set", "title=other title", "--set", "lens.thickness=7")
-    assert out.startswith("other title: the problem is valid")
+    assert out.startswith("other title  ")
     assert "least thickness 7 mm" in out
 
 

@@ -28,7 +28,7 @@ def test_check_explains_what_is_skipped_only_when_asked(tmp_path, capsys):
 @pytest.mark.slow
 def test_check_does_not_know_how_far_light_misses_a_face(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"source.half_width": [12, 9.5]}))
-    assert main(["check", path]) == 0
+    assert main(["check", path, "--full"]) == 0
     said = "loses no light: front at least 10 x 9.5 mm of 10 x 10, rear at least 10 x 9.5 mm of 10 x 10"
     assert said in capsys.readouterr().out
 
@@ -37,7 +37,7 @@ def test_check_does_not_know_how_far_light_misses_a_face(tmp_path, capsys):
 def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, capsys):
     """The beam of 19 mm is parallel to the rear; the clear aperture leaves 8/9.5 of it each way."""
     path = str(write_problem(tmp_path, {}))
-    assert main(["check", path]) == 0
+    assert main(["check", path, "--full"]) == 0
     wide = "least half-width that loses no light: front 9.5 x 9.5 mm of 10 x 10, rear 9.5 x 9.5 mm of 10 x 10"
     said = capsys.readouterr().out
     assert wide in said
@@ -46,7 +46,7 @@ def test_check_says_how_small_the_lens_may_be_and_what_is_blocked(tmp_path, caps
     assert found["blocked"] == pytest.approx(1 - (8 / 9.5) ** 2, abs=1e-5)
     assert found["least"]["rear"] == pytest.approx([8, 8], rel=1 / 256)  # corners of cells
     stop = 'stop=[{shape="ellipse", half_width=[6, 6], position=[0, 0, -1]}]'
-    assert main(["check", path, "--set", stop]) == 0
+    assert main(["check", path, "--set", stop, "--full"]) == 0
     share = 1 - math.pi * 36 / 19**2
     assert f"{share:.1%} blocked by stop.0\n" in capsys.readouterr().out
 
@@ -56,7 +56,7 @@ def test_check_warns_of_a_freedom_that_was_given_not_of_one_that_was_left_to_it(
     """Both are greater than the least thickness of 0.5 mm."""
     path = str(write_problem(tmp_path, {"lens.thickness": 0.5, "target.half_width": [40.0, 40.0]}))
     for freedom, warned in (("1.0", True), ("auto", False)):
-        main(["check", path, "--set", f"lens.rear.freeform.z_freedom={freedom}"])
+        main(["check", path, "--set", f"lens.rear.freeform.z_freedom={freedom}", "--full"])
         said = capsys.readouterr()
         assert ("z_freedom is larger than the least thickness" in said.out) == warned, said
 
@@ -76,9 +76,9 @@ def test_check_asks_whether_lengths_of_a_tiny_lens_or_target_are_in_mm(tmp_path,
 
 def test_a_freedom_that_reaches_the_target_is_refused_with_one_that_does_not(tmp_path, capsys):
     path, key = str(write_problem(tmp_path, {})), "lens.rear.freeform.z_freedom"
-    assert main(["check", path, "--set", f"{key}=1e6"]) == 2
+    assert main(["check", path, "--set", f"{key}=1e6", "--full"]) == 2
     most = float(re.search(r"or make z_freedom less than ([\d.]+) mm", capsys.readouterr().err)[1])
-    assert main(["check", path, "--set", f"{key}={most - 0.1}"]) == 0
+    assert main(["check", path, "--set", f"{key}={most - 0.1}", "--full"]) == 0
 
 
 @pytest.mark.slow
@@ -124,7 +124,7 @@ def test_check_tells_what_material_and_colours_cost(tmp_path, capsys):
 def test_an_illuminant_may_be_named_on_the_command_line(tmp_path, capsys):
     path = str(write_problem(tmp_path, {"lens.material": "PMMA"}, drop=("lens.index",)))
     assert "the index falls by" in printed(capsys, "check", path, "--set", "source.spectrum=LED-B1")
-    assert main(["check", path, "--set", "source.spectrum=F11"]) == 2
+    assert main(["check", path, "--set", "source.spectrum=F11", "--full"]) == 2
     assert "source.spectrum must be a list of rows, such as" in capsys.readouterr().err
 
 
@@ -153,7 +153,7 @@ def test_check_says_which_share_a_rear_reflects_that_bends_light_far(tmp_path, c
     """Up to 46 degrees behind a plane front, where a surface of index 1.5 bends by less than 48.2."""
     free = {"lens.rear.radius": math.inf, "lens.thickness": 12.0, "lens.rear.freeform.z_freedom": 11.0}
     path = str(write_problem(tmp_path, free | ASIDE | {"target.kind": "tophat"}))
-    assert main(["check", path]) == 0
+    assert main(["check", path, "--full"]) == 0
     said = re.search(
         r"note: (\d+)% of the light is reflected at the rear, which bends it far, and ([\d.]+)% totally; "
         r"at most 10% are with --set '(target\.position=.*?)', or let both surfaces bend it",

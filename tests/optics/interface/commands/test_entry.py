@@ -129,7 +129,7 @@ def test_control_characters_of_a_title_do_not_reach_the_terminal(tmp_path, capsy
     title = "a\x1b[31m\0\x9b2Jb\nc\u202ed"
     assert main(["check", str(write_problem(tmp_path, {"title": title}))]) == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines()[0].startswith("a\\x1b[31m\\x00\\x9b2Jb\\x0ac\\x202ed: the problem")
+    assert captured.out.splitlines()[0].startswith("a\\x1b[31m\\x00\\x9b2Jb\\x0ac\\x202ed  ")
     assert all(c.isprintable() or c == "\n" for c in captured.out + captured.err)
 
 
@@ -201,7 +201,7 @@ def test_messages_that_nobody_reads_take_no_result_away(tmp_path):
     done = ended("check", write_problem(tmp_path), "-v", stderr=writer)
     os.close(writer)
     assert done.returncode == 0
-    assert "the problem is valid" in done.stdout
+    assert "problem is valid" in done.stdout
 
 
 @pytest.mark.slow
@@ -211,7 +211,7 @@ def test_with_stderr_closed_nothing_of_it_goes_to_stdout(tmp_path, file):
     done = ended("check", tmp_path / file, "-v", closed="2>&-")
     assert done.returncode == (0 if file == "problem.toml" else 2)
     assert "thbcad: " not in done.stdout
-    assert ("the problem is valid" in done.stdout) == (file == "problem.toml")
+    assert ("problem is valid" in done.stdout) == (file == "problem.toml")
 
 
 @needs_full

@@ -44,7 +44,7 @@ SMALL = {"target.pixels": [48, 48]}
 def run(file, efficiency=None, measure=None, out=None):
     options = {"efficiency": efficiency, "measure": measure, "out": out, "force": False}
     options |= {"set": [], "verbose": False}
-    return etendue(Namespace(problem=str(file), **options))
+    return etendue(Namespace(problem=str(file), **options))[:3]
 
 
 @pytest.fixture(autouse=True)

@@ -90,7 +90,7 @@ def test_a_start_can_be_checked(kind, tmp_path, capsys):
     (tmp_path / "my.toml").write_text(commented_problem(kind))
     Image.linear_gradient("L").resize((32, 32)).save(tmp_path / "picture.png")
     few = ("--set", "target.pixels=[32, 32]")
-    assert "the problem is valid\n" in printed(capsys, "check", tmp_path / "my.toml", *few)
+    assert "  problem is valid\n" in printed(capsys, "check", tmp_path / "my.toml", *few)
 
 
 SHORT = ("mirror", "wall_washer", "plate", "round", "collimator", "sun")
@@ -106,7 +106,7 @@ def test_a_short_start_is_a_commented_problem_without_other_files_that_check_acc
     assert text.count("#") > 4
     free = problem.optic.key("face" if kind == "mirror" else "rear")
     few = ("--set", "target.pixels=[24, 24]", "--set", f"{free}.freeform.max_level=1")
-    assert "the problem is valid\n" in printed(capsys, "check", tmp_path / "my.toml", *few)
+    assert "  problem is valid\n" in printed(capsys, "check", tmp_path / "my.toml", *few)
 
 
 # ---- three questions ----
@@ -197,7 +197,7 @@ def test_nothing_speaks_against_any_answers(source, light, width, tmp_path, caps
     Image.open(EXAMPLES / "pearl.png").save(tmp_path / "picture.png")
     few = ("--set", "target.pixels=[32, 32]")
     said = printed(capsys, "check", tmp_path / "my.toml", *few)
-    assert "my lens: the problem is valid\n" in said  # or its limits may not be kept
+    assert re.match("my lens +problem is valid\n", said)  # or it may miss its limits
 
 
 @pytest.mark.slow

@@ -249,4 +249,4 @@ def test_a_formula_that_takes_minutes_is_refused_with_the_pixels_that_do_not(cap
 
 def test_check_takes_a_formula(tmp_path, capsys):
     assert main(["check", str(formula_file(tmp_path))]) == 0
-    assert "the problem is valid" in capsys.readouterr().out
+    assert "problem is valid" in capsys.readouterr().out
