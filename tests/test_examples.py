@@ -9,16 +9,11 @@ from optics.exchange.assemblies import part_checks
 from optics.light.analysis import delivery_checks
 from optics.scene.problem import load_problem
 from optics.scene.system import solvable_system
+from scripts.same_results import LEVEL, PIXELS, SMALL, examples, levels
 from tests.cases import EXAMPLES, module_at, slow_unless
 
-PROBLEMS = sorted(
-    str(path.relative_to(EXAMPLES))
-    for path in EXAMPLES.rglob("*.toml")
-    if "target" in tomllib.loads(path.read_text("utf-8"))  # else a mount
-)
+PROBLEMS = examples()
 QUICK = {"dome.toml", "pearl.toml", "two_pictures.toml"}  # in `make test` too
-SMALL = {"optimizer.iterations": [2], "optimizer.finish": 0, "verify.rays": 33}
-LEVELS, PIXELS = 1, 24
 
 
 @pytest.fixture(scope="module")
@@ -51,25 +46,11 @@ def test_every_example_can_be_solved(name):
     assert solvable_system(load_problem(EXAMPLES / name))
 
 
-def levels(table, prefix=""):
-    """Return the keys of all meshes of a problem file, with few levels."""
-    found = {}
-    for key, value in table.items():
-        if isinstance(value, dict):
-            found |= levels(value, f"{prefix}{key}.")
-        elif key == "element":
-            for row in value:
-                found |= levels(row, f"{prefix}{key}.{row['name']}.")
-        elif key == "max_level":
-            found[prefix + key] = LEVELS
-    return found
-
-
 @pytest.mark.parametrize("name", slow_unless(lambda name: name in QUICK, PROBLEMS))
 def test_a_small_design_of_an_example_is_a_verified_solid(name):
     """Two steps on a few pixels: body and source are those of the example, its light may miss the limits."""
     path = EXAMPLES / name
-    problem = load_problem(path, levels(tomllib.loads(path.read_text("utf-8"))) | SMALL)
+    problem = load_problem(path, dict.fromkeys(levels(tomllib.loads(path.read_text("utf-8"))), LEVEL) | SMALL)
     few = [min(n, PIXELS) for n in problem.target.pixels]
     design = optics.design(problem.with_(**{"target.pixels": few}))
     claims = design.verify()

@@ -25,12 +25,12 @@ from optics.interface.commands.making_options import (
 from optics.scene.problem import ENGINES, STARTS
 from thbcad import __version__
 
-FIRST_STEPS = """thbcad designs freeform lenses: from the light that is asked for to a verified STEP solid.
-  thbcad new                          ask three questions, write my_lens.toml
-  thbcad check my_lens.toml           say in seconds what lens to expect
-  thbcad design my_lens.toml --live   design it, and show the light in a browser meanwhile
-  exports/my_lens/report.html         open it: the light, the lens, all checks
-  thbcad --help                       list all commands; thbcad COMMAND --help explains one"""
+FIRST_STEPS = """thbcad designs freeform lenses: from source and target light to a STEP solid.
+  thbcad new                          answer three questions, get my_lens.toml
+  thbcad check my_lens.toml           predict lens, light and time in seconds
+  thbcad design my_lens.toml --live   design it and watch the light in a browser
+  exports/my_lens/report.html         open it: light, lens and all checks
+  thbcad --help                       list all commands"""
 
 
 EXIT_CODES = """Exit codes: 0 done; 1 the light fails its limits, or that is not decided;
