@@ -7,7 +7,8 @@ from errno import ENOMEM
 from optics.base.runtime import address_limit
 
 NO_THREAD = "can't start new thread"  # of Python: each takes memory for its stack, and counts as a process
-NO_WORD = "without exception set"  # of Python itself, where a limit of memory ends the compiling of a module
+# of Python itself, where a limit of memory ends the compiling of a module
+NO_WORD = "without exception set", "without setting an exception"
 WORDS = {
     RuntimeError: ("out of memory", "could not allocate"),  # of Dr.Jit 1.5: jit_malloc and jit_llvm_compile
     ImportError: ("failed to map segment", "cannot allocate memory"),  # of the loader of packages
@@ -24,7 +25,7 @@ def lacks_memory(error: BaseException | None) -> bool:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == ENOMEM:
             return True
         limited = address_limit() is not None
-        if isinstance(error, SystemError) and NO_WORD in str(error) and limited:
+        if isinstance(error, SystemError) and any(word in str(error) for word in NO_WORD) and limited:
             return True
         if isinstance(error, RuntimeError) and NO_THREAD in str(error) and limited:
             return True

@@ -95,7 +95,9 @@ def _text(outcome: Outcome, options: Namespace) -> str:
     if outcome.screen is None:
         return "\n".join(map(printable, outcome.lines))
     shown = screen_text(outcome.screen, sys.stdout)
-    return f"{shown}\n\n{full_text(outcome.lines, sys.stdout).lstrip()}" if options.full else shown
+    if not (options.full or getattr(options, "explain", False)):
+        return shown
+    return f"{shown}\n\n{full_text(outcome.lines, sys.stdout).lstrip()}"
 
 
 def _require_date() -> None:

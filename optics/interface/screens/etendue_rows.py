@@ -10,6 +10,7 @@ from optics.interface.screens.screen import Entry, Screen
 from optics.scene.system import OpticalSystem
 
 PERCENT = 100
+SHOWN = 5e-4  # rel_l2: a smaller lower bound says nothing
 
 
 def etendue_screen(
@@ -36,7 +37,7 @@ def etendue_screen(
             Entry("error", f"{floor} at {efficiency:.0%} of the light, for any lens in this envelope")
         )
     blur = data.get("one_blur", {}).get("source_proportions")
-    if blur is not None:
+    if blur is not None and blur["lower_bound"] >= SHOWN:
         bound = f"error at least {PERCENT * blur['lower_bound']:.3g} %"
         rows.append(
             Entry("blur", f"{bound} if every point of the lens blurs alike (a smooth lens nearly does)")

@@ -93,7 +93,8 @@ def tool_screen(findings: ToolFindings, title: str, folder: Path) -> Screen:
     rows = [row for surface in findings.surfaces for row in _tool_rows(findings, surface)]
     hard = [check for check in findings.checks if check.name.startswith("acceleration")]
     rows += [Entry("limit", _words(check), mark=MARKS[check.result]) for check in hard]
-    return Screen(title, findings.order.words, (*rows, Entry("files", str(folder), "more: --full")))
+    cut = findings.order.words if findings.surfaces else "draft only; --ball or --nose names a tool"
+    return Screen(title, cut, (*rows, Entry("files", str(folder), "more: --full")))
 
 
 def _tool_rows(findings: ToolFindings, surface: SurfaceFindings) -> list[Entry]:

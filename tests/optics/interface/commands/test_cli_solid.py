@@ -34,7 +34,7 @@ NAMED = BRIEF | {
 
 def designed(folder, changes):
     """Design a lens; return its folder and the exit code."""
-    code = main(["design", str(write_problem(folder, changes)), "--out", str(folder / "result")])
+    code = main(["design", str(write_problem(folder, changes)), "--out", str(folder / "result"), "--full"])
     return SimpleNamespace(path=folder / "result", code=code)
 
 
@@ -182,7 +182,7 @@ def test_limits_that_a_design_misses_end_it_with_1_and_say_where(tmp_path, capsy
 
 @pytest.mark.slow
 def test_check_notes_limits_that_the_base_lens_misses(tmp_path, capsys):
-    assert main(["check", str(write_problem(tmp_path, LIMITS))]) == 0
+    assert main(["check", str(write_problem(tmp_path, LIMITS)), "--full"]) == 0
     notes = [
         line for line in capsys.readouterr().out.splitlines() if line.startswith("note: before optimisation")
     ]

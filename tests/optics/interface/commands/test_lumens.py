@@ -9,7 +9,7 @@ import pytest
 from optics.interface.commands.cli import main
 from optics.scene.ray_files import read_rays
 from tests.optics.cases import DOME, write_problem
-from tests.optics.interface.commands.cases import FIGURES, QUICK, data_of, refused
+from tests.optics.interface.commands.cases import FIGURES, QUICK, data_of, in_full, refused
 
 FAR = {
     "source.flux": 800.0,
@@ -22,7 +22,7 @@ WATTS = re.compile(r"\bW\b")
 
 
 def printed(capsys, *arguments):
-    assert main([str(a) for a in arguments]) in (0, 1)  # a few iterations may miss the light
+    assert main(in_full(arguments)) in (0, 1)  # a few iterations may miss the light
     return capsys.readouterr().out
 
 

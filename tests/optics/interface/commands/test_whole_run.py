@@ -333,7 +333,7 @@ def test_a_design_that_misses_says_so_everywhere_and_ends_with_1(tmp_path, capsy
     """With hardly any freedom the lens throws a bright square; the map's note and the verdict say why."""
     changes = QUICK | {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 0.01}
     problem = write_problem(tmp_path, changes | {"verify.rel_l2": 0.2})
-    assert main(["design", str(problem), "--out", str(tmp_path / "out")]) == 1
+    assert main(["design", str(problem), "--out", str(tmp_path / "out"), "--full"]) == 1
     captured = capsys.readouterr()
     metrics = strict_json((tmp_path / "out" / "metrics.json").read_text())
     record = strict_json((tmp_path / "out" / "result.json").read_text())
