@@ -9,6 +9,7 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    audit_options,
     bench_options,
     chord_option,
     pack_options,
@@ -281,6 +282,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         "show the light of a lens as it was made, from measured points of its surface",
         asbuilt_options,
     ),
+    "audit": ("measure twelve claims of the README on this machine, in a minute or two", audit_options),
     "bench": ("run a benchmark of a checkout and print its results beside their limits", bench_options),
     "completion": ("print a script that completes commands and options in a shell", _completion_options),
 }
