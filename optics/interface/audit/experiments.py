@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 import thbcad
-from optics.base.runtime import POSIX
+from optics.base.runtime import POSIX, limited_cores
 
 PROBLEMS = Path(__file__).parent  # where the problem files are
 KERNELS = "DRJIT_CACHE_DIR"  # environment variable: the folder of Dr.Jit's compiled kernels
+CORES = 2  # of the commands, so that their times mean the same on larger machines
 PASSES = 100  # of the calibration loop: a second
 
 
@@ -144,8 +145,19 @@ class Experiments:
 
 
 @contextmanager
-def kernels_in(folder: Path) -> Iterator[None]:
-    """Let Dr.Jit keep its kernels in a folder where this process loads it first in the block."""
+def experiments_in(place: Path) -> Iterator[Experiments]:
+    """Yield Experiments in folders of an empty folder, on two cores.
+
+    In the block Dr.Jit keeps its kernels there too where this process loads it.
+    """
+    folder, kernels = place / "audit", place / "kernels"
+    folder.mkdir()
+    with limited_cores(CORES), _kernels_in(kernels):
+        yield Experiments(folder, kernels)
+
+
+@contextmanager
+def _kernels_in(folder: Path) -> Iterator[None]:
     before = os.environ.get(KERNELS)
     os.environ[KERNELS] = str(folder)
     try:

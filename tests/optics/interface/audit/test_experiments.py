@@ -6,13 +6,14 @@ import subprocess
 import pytest
 
 import thbcad
+from optics.base.runtime import usable_cores
 from optics.interface.audit.experiments import (
     KERNELS,
     Ended,
     Experiments,
     Unexpected,
     calibration_loop,
-    kernels_in,
+    experiments_in,
 )
 from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES
@@ -85,10 +86,13 @@ def test_a_command_ends_where_the_audit_is_stopped(experiments, monkeypatch):
 
 
 @pytest.mark.parametrize("before", [None, "/elsewhere"])
-def test_the_folder_of_kernels_is_that_of_before_again(before, tmp_path, monkeypatch):
+def test_kernels_and_cores_are_those_of_before_again(before, tmp_path, monkeypatch):
     monkeypatch.delenv(KERNELS, raising=False)
     if before:
         monkeypatch.setenv(KERNELS, before)
-    with kernels_in(tmp_path):
-        assert os.environ[KERNELS] == str(tmp_path)
+    cores = usable_cores()
+    with experiments_in(tmp_path) as made:
+        assert os.environ[KERNELS] == str(made.kernels) == str(tmp_path / "kernels")
+        assert usable_cores() == min(cores, 2)
     assert os.environ.get(KERNELS) == before
+    assert usable_cores() == cores
