@@ -28,8 +28,12 @@ FIRST, SECOND, THIRD, DAMAGED = "first", "second", "third", "damaged"  # folders
 RAYS = 20_000  # that OCCT traces
 MOVED = 1e-3  # mm, of a control point
 NAMED = 2  # checks that fail, of those that are many
-ADVICE = (r"did you mean ([\w.]+)\?", r"--set (target\.distance=[\d.]+)")
-CHECKED = ("check", "square.toml", "--json")
+GRADIENT = 1e-8  # greatest error of a slope, relative to the gradient's norm
+# problems that are refused: the change, where the message has advice, and the change that it advises
+REFUSED = (
+    ("target.distnace=300", r"did you mean ([\w.]+)\?", "{}=300"),
+    ("target.distance=30", r"--set (target\.distance=[\d.]+)", "{}"),
+)
 
 
 class Measured(NamedTuple):
@@ -151,7 +155,7 @@ def light_by_occt(experiments: Experiments, limit: float) -> Measured:
     words = ("verify", FIRST, "--no-optiland", "--light", "occt", "--rays", str(RAYS), "--json")
     found = experiments.command(*words).data(0, 1, 4)
     same, z = found["light"]["same_rays"], found["light"]["own_rays"]["z"]
-    remark = f"{RAYS} random rays; the same rays by both land within {power(same['landing_greatest'], 'mm')}"
+    remark = f"{RAYS} random rays, which land within {power(same['landing_greatest'], 'mm')} of ours"
     return Measured(z, f"z = {z:.1f}", z <= limit and not _failed(found), remark)
 
 
@@ -181,18 +185,20 @@ def _failed(verified: dict[str, Any]) -> list[str]:
 
 
 def advice(experiments: Experiments, limit: float) -> Measured:
-    """Count the refused problems whose advice is missing or does not work."""
-    wrong = [("target.distnace=300",), ("target.distance=30",)]
+    """Count the refused problems whose message has no advice, or advice that does not work."""
+
+    def checked(change: str) -> Ended:
+        return experiments.command("check", "square.toml", "--set", change, "--json")
+
     remarks, useless = [], 0
-    for (change,), pattern in zip(wrong, ADVICE):
-        refused = experiments.command(*CHECKED, "--set", change)
+    for change, pattern, advised in REFUSED:
+        refused = checked(change)
         found = re.search(pattern, refused.err)
-        advised = found[1] if found else ""
-        remedy = advised if "=" in advised else f"{advised}=300"
-        works = refused.code == 2 and found and experiments.command(*CHECKED, "--set", remedy).code == 0
-        useless += not works
-        remarks.append(f"{change}: exit {refused.code}, advice {remedy if found else 'none'}")
-    here = f"{len(wrong) - useless} of {len(wrong)} work"
+        remedy = advised.format(found[1]) if found else "no advice"
+        code = checked(remedy).code if found else None
+        useless += (refused.code, code) != (2, 0)
+        remarks.append(f"{change}: exit {refused.code}; {remedy}: exit {code}")
+    here = f"{len(REFUSED) - useless} of {len(REFUSED)} work"
     return Measured(useless, here, useless <= limit, "; ".join(remarks))
 
 
@@ -223,8 +229,6 @@ def meshes(experiments: Experiments, limit: float) -> Measured:
     )
     return Measured(found.share, percent(found.share), found.as_good and found.share <= limit, remark)
 
-
-GRADIENT = 1e-8  # greatest error of a slope, relative to the gradient's norm
 
 CLAIMS = (
     Claim("first", "First design: {} the calibration loop", 15.0, times, first_time),

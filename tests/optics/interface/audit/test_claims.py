@@ -178,7 +178,7 @@ def test_advice_is_followed(typo, far, remedied, here, stand_in):
         "target.distance=300": ended({}, code=remedied),
         "target.distance=34.2": ended({}, code=remedied),
     }
-    stand_in.command = lambda *words: answers[words[-1]]
+    stand_in.command = lambda *words: answers[words[3]]
     seen = found("advice", stand_in)
     assert (seen.here, seen.holds) == (here, here.startswith("2"))
 
