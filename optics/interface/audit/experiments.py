@@ -150,6 +150,7 @@ def experiments_in(place: Path) -> Iterator[Experiments]:
 
     In the block Dr.Jit keeps its kernels there too where this process loads it.
     """
+    place = place.resolve()  # commands run in another folder
     folder, kernels = place / "audit", place / "kernels"
     folder.mkdir()
     with limited_cores(CORES), _kernels_in(kernels):

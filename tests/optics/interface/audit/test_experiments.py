@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -90,8 +91,9 @@ def test_kernels_and_cores_are_those_of_before_again(before, tmp_path, monkeypat
     monkeypatch.delenv(KERNELS, raising=False)
     if before:
         monkeypatch.setenv(KERNELS, before)
+    monkeypatch.chdir(tmp_path)
     cores = usable_cores()
-    with experiments_in(tmp_path) as made:
+    with experiments_in(Path()) as made:
         assert os.environ[KERNELS] == str(made.kernels) == str(tmp_path / "kernels")
         assert usable_cores() == min(cores, 2)
     assert os.environ.get(KERNELS) == before
