@@ -26,6 +26,7 @@ class BoundGap(NamedTuple):
     bound: float
     sampled: float
     sign: int
+    unit: str = "mm"
 
     @property
     def gap(self) -> float:
@@ -63,7 +64,7 @@ def _gaps_of_rear(rear: BSplineSurface, proven: Manufacturability, samples: int)
         _sampled(rear, samples, orders) for orders in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     )
     slope = np.degrees(np.arctan(np.hypot(p, q))).max()
-    yield BoundGap("slope of the rear", proven.rear.slope.upper, float(slope), 1)
+    yield BoundGap("slope of the rear", proven.rear.slope.upper, float(slope), 1, "°")
     w = np.sqrt(1 + p**2 + q**2)
     mean = ((1 + q**2) * xx - 2 * p * q * xy + (1 + p**2) * yy) / (2 * w**3)
     spread = np.sqrt(np.maximum(mean**2 - (xx * yy - xy**2) / w**4, 0.0))

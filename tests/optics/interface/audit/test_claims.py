@@ -21,6 +21,8 @@ STORED = {
 }
 # claim: the stored row that supports it; its limit is that of the row, or at most TWICE the value of the row
 SUPPORT = {
+    "first": "audit: first design, empty kernel cache",
+    "later": "audit: later designs",
     "light": "overview: tophat_square: rel_l2",
     "surface": "overview: tophat_square: STEP faces against the optimised surface",
     "landing": "external: optiland: 1e+05 rays > landing points, root mean square, the same rays",
@@ -154,7 +156,9 @@ def test_damage_must_be_found(code, failed, holds, stand_in, monkeypatch):
     assert seen.holds is holds
     assert seen.here == f"exit {code}, {len(failed)} checks fail"
     if holds:
-        assert seen.remark.endswith("from 1.000000 to 1.001000 mm; rear numbers; rear face; and 1 more")
+        assert seen.remark.endswith(
+            "from 1.000000 to 1.001000 mm. Failing: rear numbers; rear face; and 1 more"
+        )
 
 
 def test_damage_says_nothing_where_the_unharmed_file_fails_too(stand_in):
