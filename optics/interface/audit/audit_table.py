@@ -9,7 +9,7 @@ from typing import Any
 from optics.interface.audit.claims import Judged
 
 WIDTH = 80  # columns
-CLAIMED, HERE = 48, 22  # columns of the table
+CLAIMED, HERE = 50, 21  # columns of the table
 ANSWERS = {True: "yes", False: "no", None: "-"}
 
 

@@ -19,7 +19,7 @@ from optics.interface.audit.damage import move_control_point
 from optics.interface.audit.dense_samples import SAMPLES, bound_gaps
 from optics.interface.audit.experiments import Ended, Experiments, NotTried, Unexpected
 from optics.interface.audit.local_refinement import compare_meshes
-from optics.interface.audit.numbers import percent, power, times
+from optics.interface.audit.numbers import loops, percent, power
 from optics.interface.audit.step_surface import rear_deviation
 from thbcad.doors import pip_command
 from thbcad.io import read_lens
@@ -51,7 +51,9 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence with a limit in place of {}, how the limit is written, and what measures it."""
+    """A sentence with its limit, and SLACK times that, in place of {}, how these are written, and what
+    measures the claim.
+    """
 
     key: str
     text: str
@@ -61,7 +63,7 @@ class Claim:
 
     @property
     def claimed(self) -> str:
-        return self.text.format(self.written(self.limit))
+        return self.text.format(self.written(self.limit), self.written(SLACK * self.limit))
 
 
 class Judged(NamedTuple):
@@ -108,7 +110,7 @@ def _designed(experiments: Experiments, name: str = FIRST) -> dict[str, Any]:
 
 
 def _time(ended: Ended, limit: float) -> Measured:
-    here = f"{times(ended.ratio)}  ({ended.wall:.1f} s)"
+    here = f"{loops(ended.ratio)} loops ({ended.wall:.1f} s)"
     remark = f"{ended.cpu:.1f} s of CPU; calibration loop {ended.loop:.2f} s. By the clock {ended.wall:.1f} s"
     return Measured(ended.ratio, here, ended.ratio <= SLACK * limit, remark)
 
@@ -235,8 +237,8 @@ def meshes(experiments: Experiments, limit: float) -> Measured:
 
 
 CLAIMS = (
-    Claim("first", "First design: {} the calibration loop", 9.0, times, first_time),
-    Claim("later", "Later designs: {} the calibration loop", 6.0, times, later_time),
+    Claim("first", "First design: {} calibration loops, at most {}", 9.0, loops, first_time),
+    Claim("later", "Later designs: {} calibration loops, at most {}", 6.0, loops, later_time),
     Claim("light", "Uniform square: error at most {}", 1e-3, percent, light),
     Claim("bytes", "Same input, same bytes of lens.step", 0, power, same_bytes),
     Claim("surface", "lens.step is the design within {}", 1e-10, lambda x: power(x, "mm"), surface),

@@ -5,13 +5,9 @@ from __future__ import annotations
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-def times(ratio: float) -> str:
-    """Return a ratio, such as "7.1 ×".
-
-    >>> times(15.0), times(7.123)
-    ('15 ×', '7.1 ×')
-    """
-    return f"{ratio:.3g} ×" if ratio >= 10 else f"{ratio:.2g} ×"
+def loops(ratio: float) -> str:
+    """Return a number of calibration loops with two digits."""
+    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
 
 def percent(share: float) -> str:

@@ -7,7 +7,7 @@ import pytest
 from optics.interface.audit import CLAIMS, Judged, audit_data, audit_lines
 from optics.interface.audit.audit_table import CLAIMED, HERE, WIDTH
 from optics.interface.audit.claims import Measured
-from optics.interface.audit.numbers import percent, power, times
+from optics.interface.audit.numbers import loops, percent, power
 
 HELD = Measured(8.27e-4, "0.083 %", True)
 MISSED = Measured(3e-3, "0.3 %", False, "the light misses it")
@@ -20,10 +20,10 @@ def test_the_table_has_the_result_first_and_the_details_last():
     assert audit_lines(rows, 61.7) == [
         "1 of 3 claims hold here, 1 not tried                                        62 s",
         "",
-        "    claimed                                          here                   ok",
-        " 1  Uniform square: error at most 0.1 %              0.083 %                yes",
-        " 2  Uniform square: error at most 0.1 %              0.3 %                  no",
-        " 3  optiland's rays land within 10⁻⁸ mm              not tried              -",
+        f"    {'claimed':50} here                  ok",
+        f" 1  {'Uniform square: error at most 0.1 %':50} 0.083 %               yes",
+        f" 2  {'Uniform square: error at most 0.1 %':50} 0.3 %                 no",
+        " 3  optiland's rays land within 10⁻⁸ mm                not tried             -",
         "",
         " 2  the light misses it",
         ' 3  optiland is not installed; pip install "thbcad[verify]"',
@@ -55,14 +55,16 @@ def test_an_audit_is_whole_where_every_claim_was_tried_and_holds(found, ok):
 
 
 def test_the_limit_of_a_claim_stands_in_its_sentence():
+    assert CLAIMS[0].claimed == "First design: 9 calibration loops, at most 18"
     assert replace(LIGHT, limit=0.02).claimed == "Uniform square: error at most 2 %"
 
 
 @pytest.mark.parametrize(
     ("shown", "text"),
     [
-        (times(15.0), "15 ×"),
-        (times(7.123), "7.1 ×"),
+        (loops(18.0), "18"),
+        (loops(7.123), "7.1"),
+        (loops(123.4), "123"),
         (percent(8.27e-4), "0.083 %"),
         (percent(0.1), "10 %"),
         (power(1e-10, "mm"), "10⁻¹⁰ mm"),
