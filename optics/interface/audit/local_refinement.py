@@ -9,6 +9,8 @@ from optics.interface.api import Design, design
 from optics.scene.problem import load_problem
 
 EQUAL = 1.05  # errors within 5 % count as equal
+ALPHA = "refinement.alpha"  # the key; 0 refines everywhere
+ALPHAS = (1.0, 0.5)  # from the coarsest mesh on
 
 
 class MeshComparison(NamedTuple):
@@ -34,12 +36,20 @@ class MeshComparison(NamedTuple):
 
 
 def compare_meshes(path: Path) -> MeshComparison:
-    """Design a problem twice, refined by its own indicator and uniformly, and compare both."""
+    """Design a problem on a uniform mesh and on refined ones, and compare the coarsest one that is as good.
+
+    Rounding changes the errors of such designs by several per cent, so a finer mesh is tried where the first
+    one is not as good.
+    """
     problem = load_problem(path)
-    refined, plain = design(problem), design(problem.with_(**{"refinement.alpha": [0.0]}))
-    return MeshComparison(
-        refined.metrics["dof"], uniform_functions(plain), refined.metrics["rel_l2"], plain.metrics["rel_l2"]
-    )
+    uniform = design(problem.with_(**{ALPHA: [0.0]}))
+    count, error = uniform_functions(uniform), uniform.metrics["rel_l2"]
+    for alpha in ALPHAS:
+        refined = design(problem.with_(**{ALPHA: [alpha]})).metrics
+        found = MeshComparison(refined["dof"], count, refined["rel_l2"], error)
+        if found.as_good:
+            break
+    return found
 
 
 def uniform_functions(made: Design) -> int:
