@@ -213,7 +213,7 @@ def bounds(experiments: Experiments, limit: float) -> Measured:
     gaps = bound_gaps(read_lens(experiments.folder / FIRST / "lens.json"))
     outside = [each.name for each in gaps if not each.holds]
     gap = max(each.gap for each in gaps)
-    proven = "; ".join(f"{g.name} {g.bound:.6g} {g.unit}" for g in gaps if isfinite(g.bound))
+    proven = "; ".join(f"{g.name} {g.bound:.6g}{g.unit}" for g in gaps if isfinite(g.bound))
     remark = f"{SAMPLES} × {SAMPLES} points. Proven: {proven}"
     here = f"{len(outside)} broken" if outside else f"hold, {percent(gap)} apart"
     return Measured(gap, here, not outside and gap <= limit, remark)

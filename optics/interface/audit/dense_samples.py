@@ -19,14 +19,14 @@ ROUNDING = 1e-12  # relative, of a sampled value
 class BoundGap(NamedTuple):
     """A proven bound and the extreme of the samples.
 
-    sign : 1 for an upper bound, -1 for a lower one.
+    sign : 1 for an upper bound, -1 for a lower one.  unit : as it is written behind the number.
     """
 
     name: str
     bound: float
     sampled: float
     sign: int
-    unit: str = "mm"
+    unit: str = " mm"
 
     @property
     def gap(self) -> float:

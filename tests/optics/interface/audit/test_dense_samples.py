@@ -29,7 +29,7 @@ def gaps():
 )
 def test_samples_of_a_paraboloid_have_its_extremes(gaps, name, exact):
     assert gaps[name].sampled == pytest.approx(exact, rel=1e-12)
-    assert gaps[name].unit == ("°" if "slope" in name else "mm")
+    assert gaps[name].unit == ("°" if "slope" in name else " mm")
     assert gaps[name].holds
     assert gaps[name].gap < 2e-5  # bounds of radii and slopes are 1e-5 wide
 
