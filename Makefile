@@ -99,6 +99,7 @@ QUICK = \
 	tests/optics/designing/penalties \
 	tests/optics/scene/sources \
 	tests/optics/interface/sweeps/test_store.py \
+	tests/optics/interface/audit/test_audit_table.py \
 	tests/optics/scene/system/test_lenses_of_elements.py \
 	tests/optics/light/measuring/test_splat.py \
 	tests/optics/light/refraction \

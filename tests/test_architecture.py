@@ -38,7 +38,7 @@ WINGS = {
     "tolerancing": ["machining perturbations", "form_errors metrology monte_carlo_samples"],
     "exchange": ["results verification", "export mitsuba", "assemblies cross_checks packs"],
     "reporting": ["report view", "figures live"],
-    "interface": ["relighting", "api", "sweeps screens", "commands"],
+    "interface": ["relighting", "api", "audit sweeps screens", "commands"],
 }
 BLIND = {("tolerancing", "designing"), ("reporting", "exchange")}  # the first does not see the second
 FLOORS = [

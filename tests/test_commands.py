@@ -27,8 +27,7 @@ SPOKEN = re.compile(r"`(?:\.venv/bin/)?thbcad ([a-z]+)((?: [^`]*)?)`")
 NOT_RUN = {  # pattern of a command: why no test runs it
     r"make .*": "it installs, or runs the tests themselves; its target is looked up",
     r"pip .*": "it installs packages",
-    r"git clone .*": "it needs a network",
-    r"source .*": "it changes a shell",
+    r"thbcad audit.*": "it measures for minutes; tests/optics/interface/commands/test_audit.py runs it",
     r"thbcad bench .*": "it measures for minutes; its arguments are parsed",
     r"(\.venv/bin/)?python -m pytest .*": "it runs tests; its path is looked up",
     r"dask .*": "another program, which runs until it is stopped",
@@ -43,10 +42,6 @@ QUICKER = {  # the same, in quick tests alone
 }
 SLOW = (  # patterns of commands that only slow tests run
     r".*--set target\.(distance=400 --out farther|image=others/astronaut\.png.*)",
-    r"thbcad design examples/tophat_square\.toml --out exports/second",
-    r"cmp exports/first/lens.step exports/second/lens.step",
-    r"thbcad verify exports/first.*",
-    r"python examples/scripts/own_loss\.py",
     r"thbcad (sweep|tolerance) .*",
     r"thbcad tool .*--nose.*",
     r"thbcad design my\.toml --set lens\.front.*",
@@ -54,17 +49,7 @@ SLOW = (  # patterns of commands that only slow tests run
 )
 MISSES = {0, 1}  # exit codes of small problems and designs: their light may miss its limits
 ENDS = {  # exit codes that are not 0
-    r"thbcad check examples/pearl\.toml --set target\.(distnace=400|distance=30)": {2},
-    r"thbcad verify exports/broken": {4},
-    r"cmp exports/first/lens\.step exports/broken/lens\.step": {1},
     r"thbcad design examples/my\.toml --set target\.image=.*": MISSES,  # as its page says of dark pictures
-}
-SAYS = {  # what a page says of a command: texts that stand on the page, and in what is printed
-    "thbcad design examples/tophat_square.toml --out exports/first": ("PASS",),
-    "thbcad check examples/pearl.toml --set target.distnace=400": (
-        "unknown key target.distnace (did you mean target.distance?)",
-    ),
-    "thbcad check examples/pearl.toml --set target.distance=30": ("--set target.distance=67.6",),
 }
 NUMBERS = {  # {command: {row that the page quotes: where the result has the number, and the largest error}}
     "thbcad design examples/my.toml --out DIR": {
@@ -72,21 +57,12 @@ NUMBERS = {  # {command: {row that the page quotes: where the result has the num
         "overview: pearl: efficiency": ("efficiency", 0.002),
         "overview: pearl: degrees of freedom": ("dof", 0.05),
     },
-    "thbcad design examples/tophat_square.toml --out exports/first": {
-        "overview: tophat_square: rel_l2": ("rel_l2", 0.1),
-    },
 }
-PRINTED = {"python examples/scripts/own_loss.py": ("scripts: own_loss: rel_l2", r"rel_l2 (\S+)", 0.05)}
 
 
 def matches(patterns, words):
     """Return the patterns that fit the whole of a command."""
     return [pattern for pattern in patterns if re.fullmatch(pattern, words)]
-
-
-def flat(page):
-    """Return the words of a page with single blanks between them."""
-    return " ".join((ROOT / page).read_text("utf-8").split())
 
 
 def test_every_block_is_for_a_shell_or_names_its_language():
@@ -98,7 +74,7 @@ def test_no_entry_of_the_tables_is_left_over():
     plain = {words.replace(INSTALLED, "") for words in printed}
     for pattern in (*NOT_RUN, *SMALLER, *QUICKER, *SLOW, *ENDS):
         assert any(re.fullmatch(pattern, words) for words in printed | plain), pattern
-    assert {*SAYS, *NUMBERS, *PRINTED} <= plain
+    assert {*NUMBERS} <= plain
 
 
 @pytest.mark.parametrize(
@@ -162,29 +138,18 @@ def run_page(page, terminal, slow):
         for pattern in matches(ENDS, plain):
             wanted = ENDS[pattern]
         assert code in wanted, f"{words}: {code}\n{text}"
-        if words == "echo $?":
-            assert text == command.comment
-        if command.comment == "silent":
-            assert text == ""
-        for said in SAYS.get(plain, ()):
-            assert f"`{said}`" in flat(page)
-            assert said in text
         if not smaller:
-            compare_numbers(page, plain, terminal.folder, text)
+            compare_numbers(page, plain, terminal.folder)
 
 
-def compare_numbers(page, plain, folder, text):
-    """Hold the numbers of a result, and of what is printed, against the rows that the page quotes."""
+def compare_numbers(page, plain, folder):
+    """Hold the numbers of a result against the rows that the page quotes."""
     quoted = {f"{name}: {row}" for name, row in quoted_rows((ROOT / page).read_text("utf-8"))}
     if plain in NUMBERS:
         metrics = json.loads((folder / plain.split("--out ")[1] / "metrics.json").read_text("utf-8"))
         for mark, (key, error) in NUMBERS[plain].items():
             assert mark in quoted
             assert metrics[key] == pytest.approx(stored(mark), rel=error), mark
-    if plain in PRINTED:
-        mark, pattern, error = PRINTED[plain]
-        assert mark in quoted
-        assert float(re.findall(pattern, text)[-1]) == pytest.approx(stored(mark), rel=error)
 
 
 def runs(page, slow):

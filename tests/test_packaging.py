@@ -28,6 +28,7 @@ OTHER_EXTRAS = ("all", "docs", "light", "peers", "test")  # of no door
 SENTENCE = 'thbcad: {} not installed; pip install "thbcad[optics]"\n'
 ARGUMENTS = {
     "asbuilt": ["result", "--measured", "points.xyz"],
+    "audit": [],
     "bench": ["overview"],
     "check": ["problem.toml"],
     "completion": ["bash"],

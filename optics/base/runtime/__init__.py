@@ -14,7 +14,16 @@ if TYPE_CHECKING:
     from .order_free_sums import OrderFreeSums
     from .plain_numbers import plain_number
     from .progress import Phase, Progress, ProgressEvent
-    from .systems import POSIX, address_limit, flocked, limit_memory, machine_memory, peak_mb, usable_cores
+    from .systems import (
+        POSIX,
+        address_limit,
+        flocked,
+        limit_memory,
+        limited_cores,
+        machine_memory,
+        peak_mb,
+        usable_cores,
+    )
     from .user_files import read_at_most, reading, require_file_name, require_regular_file
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -34,6 +34,23 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@contextmanager
+def limited_cores(most: int) -> Iterator[None]:
+    """Let this thread, and processes that it starts, use so many cores in the block.
+
+    macOS and Windows cannot: there this does nothing.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:most])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
 # ---- memory ----
 
 

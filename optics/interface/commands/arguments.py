@@ -10,6 +10,7 @@ from optics.interface.commands.command_examples import examples_text
 from optics.interface.commands.command_parser import CommandParser, require_known, require_paths
 from optics.interface.commands.making_options import (
     asbuilt_options,
+    audit_options,
     bench_options,
     chord_option,
     pack_options,
@@ -40,7 +41,7 @@ HELP_WIDTH, HELP_COLUMN = 80, 14  # of the list of commands
 # commands by what they are for, as the help lists them
 GROUPS = {
     "Start": ("new", "check", "design"),
-    "Look": ("verify", "trace", "relight", "etendue", "road"),
+    "Look": ("verify", "trace", "relight", "etendue", "road", "audit"),
     "Make": ("export", "sheet", "pack", "tolerance", "tool", "asbuilt"),
     "Many": ("sweep",),
     "Developers": ("bench", "completion"),
@@ -313,6 +314,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         "show the light of a manufactured lens, from its measured surface",
         asbuilt_options,
     ),
+    "audit": ("measure twelve claims of the README here, in a minute or two", audit_options),
     "bench": ("run a benchmark of a checkout, and compare it with its limits", bench_options),
     "completion": ("print a shell script that completes commands and options", _completion_options),
 }

@@ -71,6 +71,10 @@ EXAMPLES = {
         "thbcad asbuilt exports/pearl --measured rear.xyz",
         "thbcad asbuilt exports/pearl --measured errors.csv --errors --height-unit nm --align best-fit",
     ),
+    "audit": (
+        "thbcad audit",
+        "thbcad audit --out audited --json",
+    ),
     "bench": (
         "thbcad bench overview",
         "thbcad bench overview --store",

@@ -198,6 +198,11 @@ def bench_options(command: CommandParser) -> None:
     )
 
 
+def audit_options(command: CommandParser) -> None:
+    """Add the options of `thbcad audit`."""
+    command.option("--out", "DIR", "new folder that keeps the designs, the damaged file and audit.json")
+
+
 def chord_option(command: CommandParser) -> None:
     """Add --chord."""
     command.option(

@@ -92,7 +92,7 @@ def test_the_page_of_commands_has_no_other_command():
     [
         ("desing my.toml", "there is no command 'desing' (did you mean design?); thbcad --help lists them"),
         ("my.toml", "there is no command 'my.toml' (did you mean design my.toml?)"),
-        ("paint", "there is no command 'paint'; thbcad --help lists them"),
+        ("wobble", "there is no command 'wobble'; thbcad --help lists them"),
         ("design a --forse", "there is no option --forse (did you mean --force?); thbcad design --help"),
         ("export a --uot=b.stl", "there is no option --uot (did you mean --out?); thbcad export --help"),
         ("check a --sett x=1", "there is no option --sett (did you mean --set?); thbcad check --help"),
