@@ -11,6 +11,7 @@ import shlex
 import pytest
 
 from benchmarks.rows.quoted_numbers import quoted_rows
+from benchmarks.rows.quotes import marked_pages
 from benchmarks.rows.stored_rows import read_rows
 from optics.interface.commands import main, parsers
 from optics.scene.problem import load_problem
@@ -144,7 +145,7 @@ def run_page(page, terminal, slow):
 
 def compare_numbers(page, plain, folder):
     """Hold the numbers of a result against the rows that the page quotes."""
-    quoted = {f"{name}: {row}" for name, row in quoted_rows((ROOT / page).read_text("utf-8"))}
+    quoted = {f"{name}: {row}" for name, row in quoted_rows(marked_pages(ROOT).get(ROOT / page, ""))}
     if plain in NUMBERS:
         metrics = json.loads((folder / plain.split("--out ")[1] / "metrics.json").read_text("utf-8"))
         for mark, (key, error) in NUMBERS[plain].items():

@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.rows.pages import benchmark_page, loaded, own_pages
 from benchmarks.rows.quoted_numbers import marked_numbers, quoted_rows, without_marked_numbers
+from benchmarks.rows.quotes import marked_pages
 from benchmarks.rows.stored_rows import read_rows
 from optics.scene.problem import load_problem
 from tests.cases import EXAMPLES, ROOT
@@ -26,6 +27,7 @@ QUOTING = [
     page for page in PAGES if page.name not in ("CONTRIBUTING.md", "CHANGELOG.md") and page not in WRITTEN
 ]
 STORED = read_rows(ROOT / "docs" / "data")
+MARKED = {page: page.read_text("utf-8") for page in QUOTING} | marked_pages(ROOT)
 KERNEL = ("README", "bsplines", "thb", "nurbs", "fitting", "sags", "conversion", "bounds")  # without optics
 TOML = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 CODE = re.compile(r"^```.*?^```|`[^`]*`", re.DOTALL | re.MULTILINE)
@@ -34,7 +36,6 @@ TIME = re.compile(
 )
 LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 LINKED = re.compile(r"!?\[[^]]*\]\([^)]*\)")
-HIDDEN = re.compile(r"<!--.*?-->", re.DOTALL)
 DIGITS = re.compile(r"\d[\d.]*")
 SHARE = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?) ?%")
 SECOND_TIMES = {"profile: pearl", "profile: pearl: to the verified STEP"}  # of what `overview` times
@@ -74,15 +75,16 @@ def test_blocks_of_the_kernel_pass_strict_type_checks(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_marked_numbers_are_the_stored_ones():
+def test_quoted_numbers_are_the_stored_ones():
     """`thbcad bench --markdown` refreshes them."""
-    quoted = [(page.name, q) for page in QUOTING for q in marked_numbers(page.read_text("utf-8"), STORED)]
+    quoted = [(page.name, q) for page, text in MARKED.items() for q in marked_numbers(text, STORED)]
+    assert len(quoted) > 100
     assert [(page, q) for page, q in quoted if q.text != q.wanted] == []
 
 
 def test_no_time_is_quoted_without_its_mark():
     """Times are measured, but for limits and times of others, in the last column of tables."""
-    texts = {page.name: without_marked_numbers(CODE.sub("", page.read_text("utf-8"))) for page in QUOTING}
+    texts = {page.name: without_marked_numbers(CODE.sub("", text)) for page, text in MARKED.items()}
     lines = [
         (page, line.rpartition("|")[0].rpartition("|")[0] if line.startswith("|") else line)
         for page, text in texts.items()
@@ -93,7 +95,7 @@ def test_no_time_is_quoted_without_its_mark():
 
 def test_pages_quote_each_measured_fact_from_one_row():
     """Several benchmarks design the pearl: pages gave 6.3, 6.6 and 7.3 s for it."""
-    quoted = {f"{name}: {row}" for page in QUOTING for name, row in quoted_rows(page.read_text("utf-8"))}
+    quoted = {f"{name}: {row}" for text in MARKED.values() for name, row in quoted_rows(text)}
     elsewhere = loaded(ROOT, ROOT / "benchmarks" / "gallery" / "gallery_page.py").ELSEWHERE
     repeated = {f"gallery: {lens}: {row}" for lens, rows in elsewhere.items() for row in rows}
     assert quoted & (repeated | SECOND_TIMES) == set()
@@ -108,8 +110,8 @@ def test_no_share_in_three_digits_is_quoted_without_its_mark():
     """In text, code and output alike: `0.0806 %` stood in code, where the stored row said 0.0827."""
     shares = {
         (page.name, found[1])
-        for page in QUOTING
-        for found in SHARE.finditer(without_marked_numbers(page.read_text("utf-8")))
+        for page, text in MARKED.items()
+        for found in SHARE.finditer(without_marked_numbers(text))
         if len(found[1].replace(".", "")) > 2 and found[1] != "100"
     }
     assert shares - NO_MEASUREMENTS == set()
@@ -170,7 +172,7 @@ def table_rows(page):
 
 def test_tables_of_the_readme_hold_marked_numbers_and_published_ones():
     """What is not marked was published by others, and is in the reference of a marked row of the line."""
-    rows = table_rows((ROOT / "README.md").read_text("utf-8"))
+    rows = table_rows(MARKED[ROOT / "README.md"])
     assert len(rows) > 6
     for row in rows:
         text = LINKED.sub("", " ".join(row))
@@ -188,9 +190,12 @@ def test_the_problem_of_a_first_page_is_that_of_the_pearl(page, lines, tmp_path)
 
 
 def test_the_pages_are_short():
-    """Counted as they are read, without the invisible marks of numbers."""
     texts = [page.read_text("utf-8") for page in (ROOT / "docs").rglob("*.md")]
-    assert sum(len(HIDDEN.sub("", text).split()) for text in texts) <= 64_600
+    assert sum(len(text.split()) for text in texts) <= 64_600
+
+
+def test_no_page_hides_anything_in_comments():
+    assert [page.name for page in PAGES if "<!--" in page.read_text("utf-8")] == []
 
 
 def test_every_room_stands_on_the_page_of_the_architecture():

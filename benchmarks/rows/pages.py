@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from benchmarks.rows.quoted_numbers import quoted_rows, refreshed
+from benchmarks.rows.quotes import FILE, marked_pages, quotes_text, without_marks
 from benchmarks.rows.stored_rows import StoredRows, overview_page, read_rows, rows_page
 from optics.base.runtime import UserError
 from thbcad.io import write_text
@@ -21,7 +22,7 @@ def loaded(root: Path, path: Path) -> ModuleType:
 def benchmark_page(root: Path) -> str:
     """Return docs/benchmarks.md of a checkout."""
     stored = _stored(root)
-    quoted = set().union(*(quoted_rows(path.read_text("utf-8")) for path in _quoting(root)))
+    quoted = set().union(*map(quoted_rows, marked_pages(root).values()))
     return overview_page(stored, quoted)
 
 
@@ -39,13 +40,8 @@ def _stored(root: Path) -> list[tuple[StoredRows, str]]:
     return [(one, _sentence(modules[name])) for name, one in stored.items()]
 
 
-def _quoting(root: Path) -> list[Path]:
-    """Return the pages that quote stored rows."""
-    return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
-
-
 def own_pages(root: Path, path: Path) -> dict[Path, str]:
-    """Return the pages that a benchmark writes itself, from what it stored."""
+    """Return the pages that a benchmark writes itself, from what it stored, with their marks."""
     if "\ndef pages(" not in path.read_text("utf-8"):
         return {}
     pages: dict[Path, str] = loaded(root, path).pages()
@@ -53,19 +49,20 @@ def own_pages(root: Path, path: Path) -> dict[Path, str]:
 
 
 def write_pages(root: Path) -> tuple[dict[str, list[str]], list[str]]:
-    """Write docs/benchmarks.md and refresh the marked numbers of the README and the pages of docs.
+    """Write docs/benchmarks.md and refresh the quoted numbers of all pages, there and in quotes.toml.
 
     Return what changed as data and as lines.
     """
     stored = read_rows(root / "docs" / "data")
     if not stored:
         raise UserError("there are no stored rows in docs/data of a checkout; run thbcad bench NAME --store")
-    modules = modules_of(root)
-    new = {root / "docs" / "benchmarks.md": benchmark_page(root)}
+    modules, overview = modules_of(root), benchmark_page(root)
+    marked = {path: refreshed(text, stored) for path, text in marked_pages(root).items()}
     for name in stored:
-        new |= own_pages(root, modules[name])
-    for path in _quoting(root):
-        new.setdefault(path, refreshed(path.read_text("utf-8"), stored))
+        marked |= own_pages(root, modules[name])
+    new = {path: without_marks(text) for path, text in marked.items()}
+    new[root / FILE] = quotes_text({path.relative_to(root).as_posix(): text for path, text in marked.items()})
+    new[root / "docs" / "benchmarks.md"] = overview
     changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]
     for path in changed:
         write_text(path, new[path])

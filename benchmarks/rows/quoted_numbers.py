@@ -1,7 +1,7 @@
 """Numbers that a page quotes from stored rows.
 
-A quoted number carries an invisible mark behind it, or behind it and its unit: the name of the benchmark, a
-colon, and the full name of the row:
+In memory a page carries a mark after each quoted number, or after the number and its unit: the name of the
+benchmark, a colon, and the full name of the row (`quotes` puts the marks in and takes them out):
 
     12.7 s<!-- overview: pearl: process start to verified result -->
 

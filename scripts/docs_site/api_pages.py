@@ -10,7 +10,7 @@ from pathlib import Path
 from scripts.docs_site.outside_files import ROOT
 
 PACKAGES = ("thbcad", "optics")
-MARK = "<!-- rooms -->"
+MARK = "The site lists them."  # a paragraph of docs/api.md, in whose place the list comes
 
 
 @dataclass(frozen=True)

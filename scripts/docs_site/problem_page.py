@@ -10,7 +10,7 @@ from typing import Any, get_args
 from optics.scene.keys import AUTO, Key, keys_of, lists_tables, table_of
 from optics.scene.problem import Problem
 
-MARK = "<!-- keys -->"
+MARK = "The site lists them."  # a paragraph of docs/problem_file.md, in whose place the list comes
 UNIT = re.compile(
     r"(mm \(degrees in the far field\)|1/mm|g/cm\^3|mm|nm|g|degrees|radians|pixels|wavelengths)"
     r"(?:[,;:] |(?= )|$)"

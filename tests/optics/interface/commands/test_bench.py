@@ -2,6 +2,7 @@
 
 import json
 import sys
+import tomllib
 from shutil import copytree
 
 import pytest
@@ -59,8 +60,12 @@ def checkout(tmp_path, monkeypatch):
     copytree(ROOT / "benchmarks" / "rows", tmp_path / "benchmarks" / "rows")
     (tmp_path / "benchmarks" / "tiny.py").write_text(BENCHMARK)
     (tmp_path / "benchmarks" / "no_rows.py").write_text("ROWS = 1\n")
-    (tmp_path / "README.md").write_text("It took 9.9 s<!-- tiny: time -->.\n")
-    (tmp_path / "docs" / "page.md").write_text("Of 1 000<!-- tiny: time > of this --> rows 3 are old.\n")
+    (tmp_path / "README.md").write_text("It took 9.9 s.\n")
+    (tmp_path / "docs" / "page.md").write_text("Of 1 000 rows 3 are old.\n")
+    (tmp_path / "docs" / "data").mkdir()
+    quotes = ("README.md", "9.9 s", "time"), ("docs/page.md", "1 000", "time > of this")
+    tables = (f'[[quote]]\npage="{p}"\ntext="{text}"\nrow="tiny: {row}"\n' for p, text, row in quotes)
+    (tmp_path / "docs" / "data" / "quotes.toml").write_text("".join(tables))
     monkeypatch.setattr(bench_command, "checkout", lambda: tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     others = {name: m for name, m in sys.modules.items() if name.split(".")[0] == "benchmarks"}
@@ -100,7 +105,7 @@ def test_rows_are_stored_as_they_are_printed(checkout, capsys):
 
 def test_nothing_is_stored_unasked(checkout):
     main(["bench", "tiny"])
-    assert not (checkout / "docs" / "data").exists()
+    assert not [*(checkout / "docs" / "data").glob("*.json")]
 
 
 def test_the_table_of_a_benchmark_says_what_was_extrapolated(checkout, capsys):
@@ -126,9 +131,11 @@ def test_stored_rows_become_a_page_and_refresh_the_quoted_numbers(checkout, caps
     assert "| &nbsp;&nbsp;of this | 2 489 |  |  |  | measured |  |  |  |  |" in table
     assert "| worst | - |  | &lt;= 1 | **no** | measured |  |  |  |  |" in table
     assert "| ratio | 3 |  |  |  | extrapolated | light | rays | 1.2e-02 | by a law |" in table
-    assert (checkout / "README.md").read_text() == "It took 12.3 s<!-- tiny: time -->.\n"
+    assert (checkout / "README.md").read_text() == "It took 12.3 s.\n"
     quoted = (checkout / "docs" / "page.md").read_text()
-    assert quoted == "Of 2 489<!-- tiny: time > of this --> rows 3 are old.\n"
+    assert quoted == "Of 2 489 rows 3 are old.\n"
+    kept = tomllib.loads((checkout / "docs" / "data" / "quotes.toml").read_text())["quote"]
+    assert [quote["text"] for quote in kept] == ["took 12.3 s", "Of 2 489"]
     assert "every page is up to date" in printed(capsys, "bench", "--markdown")
 
 
@@ -159,7 +166,7 @@ def test_bad_use_is_one_sentence(checkout, capsys, arguments, reason):
 )
 def test_parts_are_for_benchmarks_that_have_them_and_never_stored(parts, capsys, arguments, reason):
     assert refused(capsys, "bench", *arguments) == f"thbcad: {reason}"
-    assert not (parts / "docs" / "data").exists()
+    assert not [*(parts / "docs" / "data").glob("*.json")]
 
 
 def test_a_benchmark_gets_the_parts_that_are_asked_for(parts, capsys):
@@ -180,7 +187,7 @@ def test_own_pages_are_published_when_rows_are_stored_and_written_from_what_was_
 
 @pytest.mark.parametrize("text", ["[]", "no json", '{"date": "", "machine": {}, "rows": [{"name": "a"}]}'])
 def test_a_file_that_holds_no_rows_is_refused(checkout, capsys, text):
-    (checkout / "docs" / "data").mkdir()
+    (checkout / "docs" / "data").mkdir(exist_ok=True)
     (checkout / "docs" / "data" / "tiny.json").write_text(text)
     assert "holds no rows of a benchmark" in refused(capsys, "bench", "--markdown")
 
@@ -192,9 +199,11 @@ def test_rows_of_a_benchmark_that_is_gone_are_refused(checkout, capsys):
     assert "docs/data/tiny.json belongs to no benchmark" in refused(capsys, "bench", "--markdown")
 
 
-def test_no_page_changes_where_a_mark_leads_nowhere(checkout):
+@pytest.mark.parametrize(("old", "new"), [("of this", "gone"), ("1 000", "1 001")])
+def test_no_page_changes_where_a_quote_leads_nowhere(old, new, checkout):
     main(["bench", "tiny", "--store"])
-    (checkout / "docs" / "page.md").write_text("Of 1 000<!-- tiny: gone --> rows.\n")
+    quotes = checkout / "docs" / "data" / "quotes.toml"
+    quotes.write_text(quotes.read_text().replace(old, new))
     assert main(["bench", "--markdown"]) == 2
     assert (checkout / "README.md").read_text().startswith("It took 9.9 s")
     assert not (checkout / "docs" / "benchmarks.md").exists()
