@@ -33,8 +33,8 @@ def test_the_page_is_that_of_the_stored_rows():
 
 
 def test_every_lens_has_its_pictures_and_they_are_small():
-    named = set(re.findall(r"\(gallery/(\w+)_(scene|light|solid)\.webp\)", PAGE))
-    assert len(named) == 3 * len(PROBLEMS)
+    named = set(re.findall(r"\(gallery/(\w+)_(scene|light|solid|mesh)\.webp\)", PAGE))
+    assert len(named) == 4 * len(PROBLEMS)
     assert {path.name for path in FOLDER.iterdir()} == {f"{name}_{kind}.webp" for name, kind in named}
     assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 4 * MEGABYTE
     for path in FOLDER.iterdir():

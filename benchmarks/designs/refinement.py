@@ -26,7 +26,7 @@ from optics.light.engines import ExactEngine
 from optics.scene.problem import Freeform, Problem, Refinement, load_problem
 from optics.scene.system import OpticalSystem
 
-UNIFORM = (4, 5)  # levels
+UNIFORM = (3, 4, 5)  # levels
 # indicator and alpha, level 5
 DECREASE, VERTEX = (0.05, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 2.0)
 MESHES = [("decrease", a) for a in DECREASE] + [("vertex", a) for a in VERTEX]

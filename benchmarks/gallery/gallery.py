@@ -11,21 +11,39 @@ from pathlib import Path
 
 from benchmarks.checkout import BUILD, EXAMPLES, ROOT
 from benchmarks.designs.design_run import DesignRun, rel_l2_row, run_design
-from benchmarks.gallery.gallery_page import ERROR, FUNCTIONS, LIGHT, SECONDS, UNIFORMITY, commands, page_text
+from benchmarks.gallery.flagship import flagship
+from benchmarks.gallery.gallery_page import (
+    ERROR,
+    FUNCTIONS,
+    LIGHT,
+    SECONDS,
+    SHARE,
+    UNIFORMITY,
+    commands,
+    page_text,
+)
 from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.gallery.opened_result import write_opened
 from benchmarks.gallery.other_examples import other_examples
-from benchmarks.gallery.small_pictures import lens_picture, light_picture, mesh_picture, scene_picture
+from benchmarks.gallery.small_pictures import (
+    cells_picture,
+    lens_picture,
+    light_picture,
+    mesh_picture,
+    scene_picture,
+)
 from benchmarks.page_picture import keep
 from benchmarks.rows.row import Row
 from benchmarks.rows.stored_rows import read_rows
 from optics.base.runtime import UserError
 from optics.exchange.export import read_mesh
-from thbcad import read_lens
+from thbcad import Lens, read_lens
 from thbcad.io import write_bytes
 
 DESIGNS = BUILD / "gallery"
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "gallery"
+CRESCENT = ROOT / "optics" / "interface" / "audit" / "crescent.toml"
+FEW = "alpha = [1.0]\n"  # of [refinement]
 OPENED = "street"  # the lens whose result is kept as a whole: two free surfaces, in few bytes
 LARGE = {"pearl": ("scene", "target", "irradiance", "solid"), "disk": ("mesh",)}  # figures of other pages
 CHORD = "0.05"  # mm, of meshes that are drawn: less than a pixel of their pictures
@@ -68,7 +86,14 @@ def _rows(name: str, run: DesignRun) -> list[Row]:
         Row(f"{name}: {SECONDS}", run.seconds, "s"),
         Row(f"{name}: {LIGHT}", run.metrics["efficiency"]),
         Row(f"{name}: {FUNCTIONS}", run.metrics["dof"]),
+        Row(f"{name}: {SHARE}", share_of_uniform(read_lens(DESIGNS / name / "lens.json"))),
     ]
+
+
+def share_of_uniform(lens: Lens) -> float:
+    """Return the functions of the free surfaces, over those of uniform meshes of their finest levels."""
+    spaces = [sag.space for sag in lens.sags if sag is not None]
+    return sum(space.dim for space in spaces) / sum(space.uniform(space.levels - 1).dim for space in spaces)
 
 
 def publish() -> None:
@@ -78,9 +103,19 @@ def publish() -> None:
         for kind, picture in pictures_of(lens).items():
             write_bytes(PICTURES / f"{lens.name}_{kind}.webp", picture)
     write_opened(DESIGNS / OPENED, ROOT / "docs" / "result")
+    write_flagship()
     for name, figures in LARGE.items():
         for figure in figures:
             keep(DESIGNS / name / "figures" / f"{figure}.png", f"{name}_{figure}")
+
+
+def write_flagship() -> None:
+    """Design the crescent of `refinement` with few functions, and draw the figure of the first pages."""
+    problem = DESIGNS / "crescent.toml"
+    problem.write_text(f"{CRESCENT.read_text('utf-8')}{FEW}", "utf-8")  # [refinement] is its last table
+    run_design(problem, DESIGNS / "crescent")
+    picture = flagship(DESIGNS / "crescent", read_rows(ROOT / "docs" / "data")["refinement"])
+    write_bytes(ROOT / "docs" / "pictures" / "flagship.webp", picture)
 
 
 def pictures_of(lens: Shown) -> dict[str, bytes]:
@@ -90,7 +125,13 @@ def pictures_of(lens: Shown) -> dict[str, bytes]:
         "scene": scene_picture(folder / "figures" / "scene.png"),
         "light": light_picture(folder / "irradiance.npz"),
         "solid": _solid(lens, folder),
+        "mesh": cells_picture(_mesh(folder / "figures")),
     }
+
+
+def _mesh(figures: Path) -> Path:
+    """Return the picture of the mesh of the last free surface."""
+    return max(figures.glob("*mesh.png"), key=lambda path: path.name == "mesh.png")
 
 
 def _solid(lens: Shown, folder: Path) -> bytes:

@@ -8,12 +8,13 @@ from benchmarks.gallery.lenses import LENSES, Shown
 from benchmarks.rows.quoted_numbers import refreshed
 from benchmarks.rows.stored_rows import StoredRows
 
-SECONDS, ERROR, UNIFORMITY, LIGHT, FUNCTIONS = (
+SECONDS, ERROR, UNIFORMITY, LIGHT, FUNCTIONS, SHARE = (
     "process start to verified result",
     "rel_l2",
     "U0",
     "light on the target",
     "degrees of freedom",
+    "share of uniform functions",
 )
 # Rows of other benchmarks that measure the same lens: pages quote each number from one place.
 ELSEWHERE = {
@@ -39,7 +40,7 @@ ELSEWHERE = {
     },
     "extended": {ERROR: "extended: extended: rel_l2, all paths", SECONDS: f"extended: extended: {SECONDS}"},
 }
-PICTURES = ("scene", "light", "solid")
+PICTURES = ("scene", "light", "solid", "mesh")
 ACROSS = 5  # pictures of the contact sheet in a row
 INTRODUCTION = """\
 # Gallery
@@ -51,31 +52,31 @@ designs all.
 - The error is the relative difference from the light asked for ([`rel_l2`](results.md#the-numbers)), measured
   with light that the optimiser has not seen. It includes the noise of that measurement.
 - U0 is the minimum over the mean light of uniform targets ([the verdict](results.md#the-verdict)).
+- Functions: their share of the finest uniform mesh ([local refinement](method.md)).
 - The light on the target is the fraction of the source flux that arrives there. Two uncoated faces of index
   1.5 reflect 8 % or more.
 - Long distances are drawn shorter than they are, fine relief steeper.
 
 **One result to open, without installing anything:** the [report](result/report.html) of the road lamp below,
 the [view](result/view.html) that can be turned, the solid [lens.step](result/lens.step), and the exact
-surfaces [lens.json](result/lens.json). Save an HTML file to open it in a browser.
+surfaces [lens.json](result/lens.json).
 """
 
 
 def page_text(stored: Mapping[str, StoredRows]) -> str:
     """Return the page as Markdown, with the numbers of the stored rows."""
-    head = ["lens", "source", "target", "free", "error", "U0", "light on the target", "time"]
+    head = ["lens", "source", "target", "free", "error", "U0", "light on the target", "functions", "time"]
     uniform = {row["name"].partition(": ")[0] for row in stored["gallery"].rows if UNIFORMITY in row["name"]}
     rows = [_row(lens, lens.name in uniform) for lens in LENSES]
-    table = _table([head, *rows], "|---" * 4 + "|---:" * 4)
+    table = _table([head, *rows], "|---" * 4 + "|---:" * 5)
     return refreshed("\n".join([INTRODUCTION, _contact_sheet(), table, *map(_section, LENSES)]), stored)
 
 
 def _row(lens: Shown, uniform: bool) -> list[str]:
     words = [f"[{lens.title}]({_anchor(lens)})", lens.source, lens.target, lens.free]
-    error, light, seconds = (
-        _mark(lens, row, like) for row, like in ((ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SECONDS, "0.0 s"))
-    )
-    return [*words, error, _mark(lens, UNIFORMITY, "0.00") if uniform else "", light, seconds]
+    shown = (ERROR, "0.00 %"), (LIGHT, "0.0 %"), (SHARE, "0.00"), (SECONDS, "0.0 s")
+    error, *others = (_mark(lens, row, like) for row, like in shown)
+    return [*words, error, _mark(lens, UNIFORMITY, "0.00") if uniform else "", *others]
 
 
 def _contact_sheet() -> str:
@@ -103,7 +104,7 @@ def commands(lens: Shown, out: str) -> list[list[str]]:
 
 
 def _section(lens: Shown) -> str:
-    pictures = _table([[*PICTURES], [_picture(lens, kind) for kind in PICTURES]], "|---|---|---")
+    pictures = _table([[_picture(lens, kind) for kind in PICTURES]], "|---" * len(PICTURES))
     code = "\n".join(f"thbcad {' '.join(one)}" for one in commands(lens, f"exports/{lens.name}"))
     return f"""\
 ## {lens.title}

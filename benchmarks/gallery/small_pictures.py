@@ -24,6 +24,7 @@ BRIGHTEST = 0.999  # quantile of the light that is shown as white
 TURN, RISE = 32.0, 24.0  # degrees: from where the solid is seen
 ROOM = 0.55  # half-size of the view of the solid, in sizes of its picture
 BODY = (0.80, 0.85, 0.90)  # colour of a lens with what holds it
+DARK = 80  # levels of a picture of 256, of lines that are black
 DENSE = 1.5  # points of a triangle per pixel of the view, in each direction
 
 
@@ -79,6 +80,17 @@ def light_picture(path: Path) -> bytes:
     x, y = np.ptp(light["x"]), np.ptp(light["y"])
     size = round(SIDE * min(1.0, x / y)), round(SIDE * min(1.0, y / x))
     return webp(_fitted(Image.fromarray(levels).resize(size, Image.Resampling.BICUBIC)))
+
+
+def cells_picture(path: Path) -> bytes:
+    """Return the picture of a mesh without what is around its frame.
+
+    The frame consists of the outermost dark lines that run over half of the picture.
+    """
+    image = Image.open(path).convert("RGB")
+    dark = np.asarray(image).max(axis=2) < DARK
+    rows, columns = (np.flatnonzero(dark.mean(axis=axis) > 0.5) for axis in (1, 0))
+    return webp(_fitted(image.crop((columns[0], rows[0], columns[-1] + 1, rows[-1] + 1))))
 
 
 def lens_picture(lens: Lens) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -19,11 +20,10 @@ def loaded(root: Path, path: Path) -> ModuleType:
     return import_module(".".join(path.relative_to(root).with_suffix("").parts))
 
 
-def benchmark_page(root: Path) -> str:
-    """Return docs/benchmarks.md of a checkout."""
-    stored = _stored(root)
-    quoted = set().union(*map(quoted_rows, marked_pages(root).values()))
-    return overview_page(stored, quoted)
+def benchmark_page(root: Path, marked: Mapping[Path, str] | None = None) -> str:
+    """Return docs/benchmarks.md of a checkout.  marked : pages with their marks, by default as they are."""
+    pages = marked_pages(root) if marked is None else marked
+    return overview_page(_stored(root), set().union(*map(quoted_rows, pages.values())))
 
 
 def benchmark_tables(root: Path) -> dict[str, str]:
@@ -56,13 +56,14 @@ def write_pages(root: Path) -> tuple[dict[str, list[str]], list[str]]:
     stored = read_rows(root / "docs" / "data")
     if not stored:
         raise UserError("there are no stored rows in docs/data of a checkout; run thbcad bench NAME --store")
-    modules, overview = modules_of(root), benchmark_page(root)
+    _stored(root)  # each belongs to a benchmark
+    modules = modules_of(root)
     marked = {path: refreshed(text, stored) for path, text in marked_pages(root).items()}
     for name in stored:
         marked |= own_pages(root, modules[name])
     new = {path: without_marks(text) for path, text in marked.items()}
     new[root / FILE] = quotes_text({path.relative_to(root).as_posix(): text for path, text in marked.items()})
-    new[root / "docs" / "benchmarks.md"] = overview
+    new[root / "docs" / "benchmarks.md"] = benchmark_page(root, marked)
     changed = [path for path, text in new.items() if not path.exists() or path.read_text("utf-8") != text]
     for path in changed:
         write_text(path, new[path])
