@@ -38,9 +38,9 @@ def usable_cores() -> int:
 def limited_cores(most: int) -> Iterator[None]:
     """Let this thread, and processes that it starts, use so many cores in the block.
 
-    macOS and Windows cannot: there this does nothing.
+    Only Linux can: elsewhere this does nothing.
     """
-    if not hasattr(os, "sched_setaffinity"):
+    if sys.platform != "linux":
         yield
         return
     before = os.sched_getaffinity(0)
