@@ -193,7 +193,7 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
 def _bodies() -> Iterator[tuple[str, Part]]:
     """Yield (name, solid) of every example with random heights, of conic fronts, and of cut bodies."""
     for file in sorted(EXAMPLES.glob("*.toml")):
-        yield file.stem, lens_part(_rough(OpticalSystem(load_problem(file)).lens))
+        yield file.stem, lens_part(_rough(OpticalSystem(load_problem(file)).base))
     rough = rough_lens(227)
     yield "227^2 poles", lens_part(rough)
     for name, body in BODIES.items():

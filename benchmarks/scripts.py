@@ -98,7 +98,7 @@ def _objective(system: optics.System, space: THBSpace) -> Objective:
     optical, run = system.optical, system.problem.run
     backend = load_backend(run.precision, run.threads)
     film = Film(optical.target.screen(margin=MARGIN), RAYS, window_named(system.problem, WINDOW))
-    lens = optical.lens.with_sags([THBSurface(space, np.zeros(space.dim))])
+    lens = optical.base.with_sags([THBSurface(space, np.zeros(space.dim))])
     light = ExactEngine(backend).model(optical, lens, film)
     target = optical.target.irradiance(optical.target.screen(), transmitted_flux(optical, backend))
     return penalised_objective(optical, lens, light, target)

@@ -29,7 +29,7 @@ def main() -> list[float]:
     system = OpticalSystem(replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS))))
     film = {"type": "hdrfilm", "width": PIXELS, "height": PIXELS, "pixel_format": "luminance"}
     sensor = {"type": "perspective", "film": film}  # only its size counts
-    integrator = exact_integrator(system, system.lens)
+    integrator = exact_integrator(system, system.base)
     scene = mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor})
     parameters = mi.traverse(scene)
     wanted = system.target.irradiance(system.target.screen(), TRANSMITTED)

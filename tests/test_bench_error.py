@@ -61,7 +61,7 @@ def test_rays_fill_the_source_and_carry_its_flux(sample, example):
     """The mean of u^2 over [-1, 1] is 1/3; of 4096 independent points it deviates by (4/45 / 4096)^(1/2) =
     0.0047; 5 of these."""
     problem = load_problem(ROOT / "examples" / f"{example}.toml")
-    rays = sampled_rays(problem.source, OpticalSystem(problem).lens, sample, 4096)
+    rays = sampled_rays(problem.source, OpticalSystem(problem).base, sample, 4096)
     assert rays.total == pytest.approx(problem.source.flux, rel=1e-12)
     for row, half in zip(rays.origin, problem.source.half_width):
         assert np.abs(row).max() < half

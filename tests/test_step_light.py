@@ -34,9 +34,9 @@ def system():
 @pytest.fixture(scope="module")
 def lens(system):
     """Return a lens whose rear is refined in a corner and bent by 0.02 mm."""
-    sag = system.lens.rear.sag.refine({0: [(0, 0), (0, 1), (1, 0), (1, 1)]})
+    sag = system.base.rear.sag.refine({0: [(0, 0), (0, 1), (1, 0), (1, 1)]})
     rng = np.random.default_rng(5)
-    return system.lens.with_sags([type(sag)(sag.space, 0.02 * rng.standard_normal(sag.space.dim))])
+    return system.base.with_sags([type(sag)(sag.space, 0.02 * rng.standard_normal(sag.space.dim))])
 
 
 def images(lens, system, path, counts=COUNTS):
@@ -75,7 +75,7 @@ def test_a_quadrilateral_lights_pixels_by_its_exact_area():
 def test_a_lens_that_bends_the_beam_before_its_rear_is_refused(lens, system, tmp_path):
     other = system.problem.with_(**{"lens.front.radius": 200.0, "lens.front.conic": -1.0})
     with pytest.raises(ValueError, match="a plane front"):
-        images(OpticalSystem(other).lens, system, tmp_path / "lens.step", (8,))
+        images(OpticalSystem(other).base, system, tmp_path / "lens.step", (8,))
 
 
 def test_it_shares_no_code_with_what_it_checks():

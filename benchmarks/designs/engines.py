@@ -88,7 +88,7 @@ def _far_off(name: str, problem: Problem) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         file, lens_file = Path(folder) / "problem.toml", Path(folder) / "lens.json"
         file.write_text(problem_to_toml(flat), "utf-8")
-        write_lens(OpticalSystem(flat).lens, lens_file)
+        write_lens(OpticalSystem(flat).base, lens_file)
         one, other = (run_engine(file, lens_file, engine, False).gradient for engine in (EXACT, PTRACER))
     cosine = float(one @ other / (np.linalg.norm(one) * np.linalg.norm(other)))
     return Row(f"{name}: {PTRACER}, gradient's cosine at the unshaped lens, level 0", cosine)

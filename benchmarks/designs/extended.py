@@ -220,7 +220,7 @@ def _batches(system: OpticalSystem, backend: Backend, path: Path) -> list[Row]:
     out = []
 
     def check(state: State) -> None:
-        lens = system.lens.with_sags(state.sags)
+        lens = system.base.with_sags(state.sags)
         write_step(lens, path)
         checks = {c.name: c.value for c in verify(system, lens, StepFile(path), backend)}
         out.append(

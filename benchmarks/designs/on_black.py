@@ -65,7 +65,7 @@ def start_of(system: OpticalSystem, backend: Backend) -> tuple[TransportStart, f
     clock = perf_counter()
     start = TransportStart(system, backend)
     seconds = perf_counter() - clock
-    lens = system.lens.with_sags([start.finest_fit().sag])
+    lens = system.base.with_sags([start.finest_fit().sag])
     misfit = light_before(system, lens, backend)[1]
     assert misfit is not None, "the light has no extent"
     return start, misfit, seconds

@@ -172,7 +172,7 @@ def _error(objective: Objective, c: NDArray[np.float64], step: float, smooth: bo
 
 def _flux(system: OpticalSystem, backend: Backend) -> list[Row]:
     """Transmitted flux against adaptive integration of the Fresnel formula."""
-    lens, out = system.lens, []
+    lens, out = system.base, []
     half, n = system.problem.source.half_width[0], lens.index
     for name, radius in (("flat plate", np.inf), ("paraboloid R = 150", 150.0)):
         conic = type(lens.rear.conic)(radius, -1.0)

@@ -151,7 +151,7 @@ def _imports() -> float:
 def _transforms(system: OpticalSystem) -> float:
     """Return the seconds of the cosine transforms of a transport start."""
     profile = cProfile.Profile()
-    profile.runcall(lambda: TransportStart(system, load_backend("double", 1)).fit(system.lens.rear.sag.space))
+    profile.runcall(lambda: TransportStart(system, load_backend("double", 1)).fit(system.base.rear.sag.space))
     timed = pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
     return sum(own for (_, _, name), (_, _, own, _, _) in timed if "dct" in name and "built-in" in name)
 

@@ -182,7 +182,7 @@ def first_gradient() -> float:
     """Return the loss of a pearl design's last stage at its first lens: all that comes before the first
     step."""
     system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
-    lens, stage, backend = system.lens, stages(system, True)[-1], load_backend("double", 1)
+    lens, stage, backend = system.base, stages(system, True)[-1], load_backend("double", 1)
     target = system.target.irradiance(stage.screen, 0.92 * system.problem.source.flux)
     objective = stage_objective(system, lens, stage, target, ExactEngine(backend))
     return objective([sag.coefficients for sag in lens.sags]).loss
@@ -220,7 +220,7 @@ def _mesh_accuracy(backend: Backend) -> Row:
     """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base
     lens."""
     system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
-    lens, screen = system.lens, system.target.screen()
+    lens, screen = system.base, system.target.screen()
     tracer = Tracer(backend, system.path(lens), system.source.rays(RAYS))
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     image = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)

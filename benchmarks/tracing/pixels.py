@@ -183,7 +183,7 @@ def _rims(backend: Backend) -> list[Row]:
     for name, problem, missing in _cut_light():
         system = OpticalSystem(problem)
         for count in RIM_CELLS:
-            path, screen = system.path(system.lens), system.target.screen()
+            path, screen = system.path(system.base), system.target.screen()
             _, fates = cell_irradiance(path, screen, system.source.cells((count, count)), backend)
             exact = missing * (problem.source.flux - fates.by_name["front_reflected"])
             error = abs(fates.missed_rear - exact) / problem.source.flux

@@ -133,7 +133,7 @@ def _surfaces(backend: Backend) -> list[Row]:
 def _sheets(system: OpticalSystem, count: int) -> LightPath:
     """Return a path through sheets of glass with rough surfaces, 2 mm apart."""
     rng, space = np.random.default_rng(1), THBSpace(*_knots(system, SPANS[2]))
-    half, media = system.lens.rear.half_width, (AIR, Medium(system.lens.index))
+    half, media = system.base.rear.half_width, (AIR, Medium(system.base.index))
     sags = (THBSurface(space, rng.uniform(-ROUGH, ROUGH, space.dim)) for _ in range(count))
     surfaces = (
         Surface(FreeformSurface(half, sag=sag), Pose.at((0, 0, 2.0 * k))) for k, sag in enumerate(sags)
@@ -147,7 +147,7 @@ def _dof(lens: Lens) -> int:
 
 def _with_space(system: OpticalSystem, space: THBSpace) -> Lens:
     """Return the base lens with a sag of zeros in a space."""
-    return system.lens.with_sags([THBSurface(space, np.zeros(space.dim))])
+    return system.base.with_sags([THBSurface(space, np.zeros(space.dim))])
 
 
 def _tensor(system: OpticalSystem, spans: int) -> Lens:
@@ -166,4 +166,4 @@ def _corner(system: OpticalSystem, levels: int) -> Lens:
 
 
 def _knots(system: OpticalSystem, spans: int) -> list[KnotVector]:
-    return [KnotVector.uniform(3, spans, -h, h) for h in system.lens.rear.half_width]
+    return [KnotVector.uniform(3, spans, -h, h) for h in system.base.rear.half_width]

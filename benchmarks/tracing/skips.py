@@ -101,7 +101,7 @@ def rows() -> list[Row]:
 def _deep(system: OpticalSystem, levels: int = 4, share: float = 1.0) -> Lens:
     """Return the base lens with a rough sag; share : of the width whose cells are refined, from one
     corner."""
-    lens, rng = system.lens, np.random.default_rng(1)
+    lens, rng = system.base, np.random.default_rng(1)
     sag = lens.rear.sag
     for level in range(levels):
         cells = sag.space.cells
@@ -351,7 +351,7 @@ def _fresnel(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
 
 def _measured(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
     """The measurement of light that is parallel, or has one wavelength, by what others need."""
-    flat = [[400.0, system.lens.index], [700.0, system.lens.index]]
+    flat = [[400.0, system.base.index], [700.0, system.base.index]]
     lines = [[nm, 1.0] for nm in np.linspace(450.0, 650.0, 10)]
     others = {
         "blur": {"source.divergence": 1e-7},

@@ -44,7 +44,7 @@ def mi(backend, monkeypatch):
 def models(folder, backend, changes=None):
     """Return the exact model, that of the camera, and coefficients without symmetry."""
     system = small_system(folder, STUDY | (changes or {}))
-    lens = system.lens
+    lens = system.base
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 2), (121, 121), GaussianWindow(SIGMA))
     engines = ExactEngine(backend), camera_engine(1)
@@ -105,7 +105,7 @@ def test_a_lens_without_reflections_is_refused(tmp_path):
     system = small_system(tmp_path, {"optimizer.fresnel": False})
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
-        camera_engine(1).model(system, system.lens, film)
+        camera_engine(1).model(system, system.base, film)
 
 
 @pytest.mark.slow

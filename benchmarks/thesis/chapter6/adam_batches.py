@@ -103,7 +103,7 @@ def _ended(
     noise = np.random.default_rng(space.dim).standard_normal(len(indicator))
     indicator *= np.maximum(1 + plan.noise * noise, 0)
     return Batch(
-        lens=system.optical.lens.with_sags([sag]),
+        lens=system.optical.base.with_sags([sag]),
         before=before,
         sag=sag,
         training=training,

@@ -86,7 +86,7 @@ def lens_views(before: Lens, after: Lens) -> bytes:
 
 def last_lens(system: OpticalSystem, found: Found) -> Lens:
     """Return the lens that a run of batches ended with."""
-    return system.lens.with_sags([unpacked(found.arrays["sag"])])
+    return system.base.with_sags([unpacked(found.arrays["sag"])])
 
 
 def scene(system: OpticalSystem, found: Found) -> bytes:

@@ -44,7 +44,7 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "extended.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study8_lens", lens_views(system.lens, last_lens(system, thb))
+    yield "study8_lens", lens_views(system.base, last_lens(system, thb))
     yield "study8_fans", _fans(system, last_lens(system, thb))
     yield "study8_scene", scene(system, thb)
 

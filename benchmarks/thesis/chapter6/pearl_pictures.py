@@ -54,7 +54,7 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "pearl.toml").with_(**{"target.pixels": pixels})
     system = OpticalSystem(problem)
-    yield "study7_lens", lens_views(system.lens, last_lens(system, thb))
+    yield "study7_lens", lens_views(system.base, last_lens(system, thb))
     yield "study7_scene", scene(system, thb)
 
 

@@ -42,7 +42,7 @@ def _last_faces(system: OpticalSystem) -> list[tuple[FreeformSurface, float, flo
     """Return the faces of the last element that light meets: surface, z of its vertex, and freedom, mm."""
     met = system.problem.faces_met
     optic, used = met[-1].optic, {face.face for face in met if face.optic is met[-1].optic}
-    (lens,) = (body for other, body in system.elements(system.lens) if other is optic)
+    (lens,) = (body for other, body in system.elements(system.base) if other is optic)
     faces = [(lens.front, 0.0, freedom_of(optic.front)), (lens.rear, lens.thickness, freedom_of(optic.rear))]
     if "rear" in used:
         return faces

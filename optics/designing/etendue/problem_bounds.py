@@ -80,7 +80,7 @@ def usual_efficiency(system: OpticalSystem, universal: UniversalBound | None = N
     It is that of all light on the first face, of which every face passes what it does at normal incidence, or
     what can arrive where that is less.  It is no bound.
     """
-    (share,) = passing_share(system.path(system.lens)).values()
+    (share,) = passing_share(system.path(system.base)).values()
     usual = (1.0 if share is None else share) * front_fraction(system)
     return usual if universal is None else min(usual, universal.most_on_target / universal.flux)
 
@@ -168,7 +168,7 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     (notes.background if free else notes.limits).extend(said)
     if system.source.diverging or not one_blur_tells(system):
         return notes
-    images = one_blur(system, system.lens, efficiency, SEARCH_QUICK, stretchable(system))
+    images = one_blur(system, system.base, efficiency, SEARCH_QUICK, stretchable(system))
     _place(
         notes,
         images,
@@ -275,7 +275,7 @@ def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
 
 def base_rear(system: OpticalSystem) -> str:
     """Return words for the area of the rear before there is a design."""
-    freedom, area = freedom_of(system.problem.optic.rear), f"{rear_area(system.lens):.4g} mm^2"
+    freedom, area = freedom_of(system.problem.optic.rear), f"{rear_area(system.base):.4g} mm^2"
     if not freedom:
         return f"{area} as the lens has it"
     return (

@@ -110,7 +110,7 @@ def front_fraction(system: OpticalSystem) -> float:
     A ray meets the graph z(x, y) over the outline if it is below the graph where it enters the prism of the
     outline, and above it where it leaves the prism.
     """
-    rays, first = system.source.rays(RAYS), system.path(system.lens).surfaces[0]
+    rays, first = system.source.rays(RAYS), system.path(system.base).surfaces[0]
     if not isinstance(rays, Rays):
         return rays.total / (rays.total + rays.missed)
     front, rays = first.shape, rays.posed(first.pose.inverse())
@@ -134,7 +134,7 @@ def aperture_etendue(system: OpticalSystem) -> float:
     """
     half_width, far, throw = system.problem.target.half_width, system.target.far_field, system.problem.throw
     half = np.tan(np.radians(half_width)) if far else np.divide(half_width, throw)
-    outline = system.lens.rear.outline
+    outline = system.base.rear.outline
     across, up = (np.array([-h, h]) for h in outline.half_width)
     x, y, area = area_rule(outline, across, up, NODES)
     # of the target's corners as seen from each point; an aperture is a point in the far field
@@ -168,7 +168,7 @@ def spread(system: OpticalSystem) -> Floats:
     target, rear = system.problem.target, system.problem.optic.rear
     if system.target.far_field:
         return (180 / pi) ** 2 / system.target.screen().projection()
-    surface = system.lens.rear
+    surface = system.base.rear
     rim = max((float(z) for z in surface.conic(*rim_around(surface).T)), key=abs)
     nearest, farthest = (
         system.problem.throw - f(0.0, rim) - i * freedom_of(rear) for f, i in ((max, 1), (min, -1))

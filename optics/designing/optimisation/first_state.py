@@ -144,7 +144,7 @@ def with_sags(system: OpticalSystem, sags: Sequence[THBSurface]) -> tuple[Optica
     Raises NumericalError : an element cannot exist.
     """
     try:
-        return sound_with(system, system.lens, sags)
+        return sound_with(system, system.base, sags)
     except ValueError as error:
         raise NumericalError(
             f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"

@@ -70,7 +70,7 @@ def can_cross(system: OpticalSystem) -> list[bool]:
     """Return of every free element whether sags within z_freedom can make its surfaces cross."""
     return [
         base.least_thickness().lower <= sum(f.freedom for f in optic.free.values())
-        for optic, base in system.shaped_as({}).free_elements(system.lens)
+        for optic, base in system.shaped_as({}).free_elements(system.base)
     ]
 
 

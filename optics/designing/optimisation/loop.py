@@ -68,7 +68,7 @@ def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None 
     """
     optic, units = system.problem.optic, system.units
     which = f"unoptimised {optic.noun}" if lens is None else optic.noun
-    lens, target, flux = lens or system.lens, system.target, system.problem.flux
+    lens, target, flux = lens or system.base, system.target, system.problem.flux
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
     path = system.path(lens)
     path = path if optimizer.fresnel else path.without_reflection()

@@ -32,7 +32,7 @@ def re_aimed(
     """
     if not system.target.settings.zones or not (system.blurred or system.source.extended):
         return None
-    shaped, lens = shaping.with_sags(shaping.lens, state.sags)
+    shaped, lens = shaping.with_sags(shaping.base, state.sags)
     plan = stages(shaping, state.started_from_transport)
     screen, target = plan[-1].screen, shaped.target
     objective = stage_objective(shaped, lens, plan[-1], target.irradiance(screen, 1.0), engine)

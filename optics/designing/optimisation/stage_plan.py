@@ -252,7 +252,7 @@ def _parts(system: OpticalSystem, level: int) -> int:
 
 def _lit_spans(system: OpticalSystem, level: int) -> list[float]:
     """Return the knot spans in x and y that light meets, of the finest free surface on a level."""
-    half_width, spans = getattr(system.lens, system.shaped).half_width, _spans(system.problem, level)
+    half_width, spans = getattr(system.base, system.shaped).half_width, _spans(system.problem, level)
     size = system.problem.source.half_width if system.shapes_parallel else half_width
     return [n * min(1.0, s / h) for n, s, h in zip(spans, size, half_width)]
 

@@ -88,7 +88,7 @@ class State:
 def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     first = first_level(system.problem, from_transport)
-    pairs = zip(system.free_surfaces(system.lens), feature_levels(system.problem))
+    pairs = zip(system.free_surfaces(system.base), feature_levels(system.problem))
     return tuple(_refined(surface, min(first, finest)) for surface, finest in pairs)
 
 
@@ -118,7 +118,7 @@ def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Len
     found = {**(shapes or {}), system.problem.optic.called: earlier}
     sags = [
         sag
-        for optic, base in system.free_elements(system.lens)
+        for optic, base in system.free_elements(system.base)
         for sag in _earlier_sags(optic, base, found.get(optic.called, base))
     ]
     return State(False, _of_last_level(stages(system, False)), tuple(sags))

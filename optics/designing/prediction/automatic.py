@@ -171,7 +171,7 @@ def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) 
     It is MARGIN times the greatest coefficient of a sag with the slopes that the base lacks.  Where the lens
     is too thin for that, it is what keeps the surfaces apart, but not less than the map needs.
     """
-    lens = system.lens
+    lens = system.base
     shaped: FreeformSurface = getattr(lens, system.shaped)
     x, y = light.x[:, None], light.y[None, :]
     space = _estimating(lens.sags[-1].space, light)

@@ -85,11 +85,11 @@ def wider_picture(
         return None
     for times in WIDER:
         half_x, half_y = (float(f"{times * h:.3g}") for h in target.half_width)
-        x, y, z = receiver.toward((0.0, 0.0, system.lens.thickness), half_x, half_y)
+        x, y, z = receiver.toward((0.0, 0.0, system.base.thickness), half_x, half_y)
         if np.hypot(x, y) > ASLANT * z:
             return None
         wider = solvable_system(system.problem.with_(**{"target.half_width": (half_x, half_y)}))
-        least = _least(wider, blur_of(wider, wider.path(wider.lens), backend), FEWER_PIXELS)
+        least = _least(wider, blur_of(wider, wider.path(wider.base), backend), FEWER_PIXELS)
         if least is not None and keeps(least / ROOM):
             return half_x, half_y
     return None

@@ -103,7 +103,7 @@ def diffraction(
     lit_halves : half-widths of the parts of the faces that light uses, by name of the face, mm.
     spot : returns the width of the light of one point of the lens on the target; 0 is sharp.
     """
-    path, target = system.path(system.lens), system.target
+    path, target = system.path(system.base), system.target
     half = lit_halves[system.problem.face_names[path.shaped]]
     if min(half) <= 0:
         return None

@@ -129,13 +129,13 @@ def expected(
     transmitted_flux(system, backend)
     start = start or TransportStart(system, backend)
     fit = start.finest_fit()
-    lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
+    lens = system.base.with_sags([*system.base.sags[:-1], fit.sag])
     flat = system.problem.optimizer.start == "flat"
     choice = None if flat else StartChoice(system.shaping, backend, start)
     first, doubt = (choice.first, choice.doubt) if choice else (None, "")
     mapped = choice is not None and choice.within and not choice.useless
     from_transport = mapped and choice is not None and choice.followed
-    system.made(lens if from_transport else system.lens)
+    system.made(lens if from_transport else system.base)
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
     fates, error = light_before(system, lens, backend, coarsening)
@@ -159,7 +159,7 @@ def expected(
     costs = _limit_costs(system, backend, start, coarsening, surface)
     predictable = from_transport and start.within(fit) and fine and _is_known(system)
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
-    shape = lens if mapped else system.lens
+    shape = lens if mapped else system.base
     count, more = volume_of_made(optic, shape)
     volume = count * shape.volume() + more
     return Expectation(
@@ -208,8 +208,8 @@ def _limit_costs(
     if system.problem.limits == Limits():
         return ()
     shaping = system.shaping
-    sags = *shaping.sags(shaping.lens)[:-1], start.finest_fit().sag
-    shaped, lens = shaping.with_sags(shaping.lens, sags)
+    sags = *shaping.sags(shaping.base)[:-1], start.finest_fit().sag
+    shaped, lens = shaping.with_sags(shaping.base, sags)
     shapes = LimitedShapes(shaped, lens, start.rear_slopes()[0])
     if system.source.extended:
         return tuple(shapes.unknown_costs(sags, surface))
@@ -277,7 +277,7 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
 
     half : half-widths of the lit part of the target.
     """
-    surface, freeform = getattr(system.lens, system.shaped), system.freeforms[-1]
+    surface, freeform = getattr(system.base, system.shaped), system.freeforms[-1]
     lit = light.weight > light.weight.max() / 10
     seen = (light.x, lit.any(axis=1)), (light.y, lit.any(axis=0))
     half_lit = [float(np.ptp(at[where]) + at[1] - at[0]) / 2 for at, where in seen]
@@ -290,5 +290,5 @@ def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> float | None:
     """Return the width of the images of the source: the least one that is possible, of what etendue bounds,
     else what the start makes.  None of a source without extent."""
     if bounds_hold(system) and one_blur_tells(system) and not system.blurred:
-        return 2 * max(image_half_width(system, system.lens, usual_efficiency(system), 1.0))
+        return 2 * max(image_half_width(system, system.base, usual_efficiency(system), 1.0))
     return spot_width(system, lens, backend) if system.source.extended or system.blurred else None

@@ -21,7 +21,7 @@ def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     """Return one line for each thing to expect."""
     wide, high, deep = expected.size
     heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
-    shaped = getattr(system.lens, system.shaped).conic
+    shaped = getattr(system.base, system.shaped).conic
     when = "at the start of the design" if expected.from_transport else MAPPED
     again = when if expected.from_transport else SAME
     return [
@@ -53,7 +53,7 @@ def _blocked(expected: Expectation) -> str:
 
 def _least_line(system: OpticalSystem, expected: Expectation) -> str:
     """Return how small the faces might be in their outlines."""
-    shapes = (surface.shape for surface in system.path(system.lens).surfaces)
+    shapes = (surface.shape for surface in system.path(system.base).surfaces)
     sizes = {name: shape.half_width for name, shape in zip(system.problem.face_names, shapes)}
     sides = []
     for name, half in expected.least.items():

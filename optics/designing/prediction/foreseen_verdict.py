@@ -38,7 +38,7 @@ def foreseen_misses(
     sentences = [*_of_the_error(system, expected, blur, displaced), *_wider(system, blur, backend)]
     region, limits = system.target.uniform_region, system.problem.verify
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
-        wide = spot_rms(system, system.lens, backend)
+        wide = spot_rms(system, system.base, backend)
         found = BoxGrid(region, limits.grid, wide).without_light()
         if found.reason:  # the blur is as wide as the region
             sentences.append(
@@ -85,7 +85,7 @@ def _aside(system: OpticalSystem) -> str:
     if target.position is None or system.problem.element:
         return ""
     x, y, z = target.position
-    angle = degrees(atan2(hypot(x, y), z - system.lens.thickness))
+    angle = degrees(atan2(hypot(x, y), z - system.base.thickness))
     remedy = "aim the axis at it: target.distance in place of position, and another target.tilt"
     return f"; the target's middle lies {angle:.0f} degrees off the axis: {remedy}" if angle > ASIDE else ""
 

@@ -58,16 +58,16 @@ def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed
     if not alone or system.reflects or missed < MISSED:
         return ""
     said = f"{missed:.1%} of the light would miss the rear on its way to where the transport map sends it"
-    half = [WIDER * h for h in system.lens.rear.half_width]
+    half = [WIDER * h for h in system.base.rear.half_width]
     try:
         other = solvable_system(system.problem.with_(**{key: half}), system.own)
-        least = least_half_widths(other, other.lens.with_sags(lens.sags), backend)
+        least = least_half_widths(other, other.base.with_sags(lens.sags), backend)
     except (UserError, ValueError):
         return f"{said}: make {key} larger"
     needed = least[system.problem.face_names[-1]]
     if any(n > h for n, h in zip(needed, half)):
         return f"{said}: make {key} larger"
-    sides = [max(h, ceil(10 * RIM * n) / 10) for n, h in zip(needed, system.lens.rear.half_width)]
+    sides = [max(h, ceil(10 * RIM * n) / 10) for n, h in zip(needed, system.base.rear.half_width)]
     return f"{said}; --set {shlex.quote(f'{key}={_text(sides)}')} takes it"
 
 

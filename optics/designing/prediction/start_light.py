@@ -58,8 +58,8 @@ def _error(
     system: OpticalSystem, start: TransportStart, backend: Backend, level: int, coarsening: int
 ) -> float:
     """Return the rel_l2 of a blurred system's start on the whole mesh of a level."""
-    fit = start.fit(system.lens.sags[-1].space.uniform(level))
-    lens = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
+    fit = start.fit(system.base.sags[-1].space.uniform(level))
+    lens = system.base.with_sags([*system.base.sags[:-1], fit.sag])
     _, error = light_before(system, lens, backend, coarsening)
     assert error is not None, "light of sources with extent is not blurred"
     return error

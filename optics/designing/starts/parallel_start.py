@@ -56,7 +56,7 @@ class ParallelStart:
     @cached_property
     def _half(self) -> list[float]:
         """Half-widths of the rectangle with light."""
-        lens = self.system.lens
+        lens = self.system.base
         return [
             min(h)
             for h in zip(self.system.problem.source.half_width, lens.front.half_width, lens.rear.half_width)
@@ -64,7 +64,7 @@ class ParallelStart:
 
     @cached_property
     def _light(self) -> RearLight:
-        source, lens, half = self.system.source, self.system.lens, self._half
+        source, lens, half = self.system.source, self.system.base, self._half
         outlines = {lens.front.outline, lens.rear.outline}
         relative = [b / s for b, s in zip(half, self.system.problem.source.half_width)]
 
@@ -81,13 +81,13 @@ class ParallelStart:
     @cached_property
     def _refraction(self) -> ShapedSurface:
         air = RestOfPath((), (1.0,), self.system.target.receiver)
-        return ShapedSurface(False, (self.system.lens.index, 1.0), air)
+        return ShapedSurface(False, (self.system.base.index, 1.0), air)
 
     def _conic(self) -> tuple[Floats, Floats, Floats]:
         """Return height and slopes of the rear's conic on the cells."""
         x, y = self._light.x[:, None], self._light.y[None, :]
-        conic = self.system.lens.rear.conic
-        return self.system.lens.thickness + conic(x, y), conic(x, y, (1, 0)), conic(x, y, (0, 1))
+        conic = self.system.base.rear.conic
+        return self.system.base.thickness + conic(x, y), conic(x, y, (1, 0)), conic(x, y, (0, 1))
 
     def _points(self, sag: Floats) -> tuple[Floats, Floats, Floats]:
         return self._light.x[:, None], self._light.y[None, :], self._conic()[0] + sag
@@ -136,7 +136,7 @@ class ParallelStart:
         sent = wanted.relative(arrival)
         asked = prewarped(density, sent, beside, light.flux, share=share * reaching)
         change = np.linalg.norm(asked / asked.mean() - density / density.mean())
-        enough = CHANGE if self.system.lens.rear.outline.is_rectangle else CHANGE_WITHIN
+        enough = CHANGE if self.system.base.rear.outline.is_rectangle else CHANGE_WITHIN
         much = change > enough * np.linalg.norm(density / density.mean())
         return asked if much else None, share
 

@@ -50,9 +50,9 @@ def start_quality(system: OpticalSystem, backend: Backend, fit: TransportFit) ->
     if system.source.extended or system.blurred:
         return None
     coarsening = -(-max(system.target.settings.pixels) // PIXELS)
-    moved = system.lens.with_sags([*system.lens.sags[:-1], fit.sag])
+    moved = system.base.with_sags([*system.base.sags[:-1], fit.sag])
     start, base = (
         light_before(system, lens, backend, coarsening, system.path(lens).without_stops())[1]
-        for lens in (moved, system.lens)
+        for lens in (moved, system.base)
     )
     return None if start is None or base is None else StartQuality(start, base)

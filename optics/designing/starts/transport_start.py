@@ -96,10 +96,10 @@ class TransportStart:
         self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS, rounds: int = MOST_ROUNDS
     ) -> None:
         system = aimed(system, spot_lens(system, backend), backend)
-        self._system, self._lens, self._backend = system, system.lens, backend
+        self._system, self._lens, self._backend = system, system.base, backend
         screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
-        self._surface: FreeformSurface = getattr(system.lens, system.shaped)
+        self._surface: FreeformSurface = getattr(system.base, system.shaped)
         self._most, self._cells = most, _cells(system, screen.pixels, most)
         nx, ny = (as_many_within(self._surface.outline, n) for n in self._cells)
         self._bound = INSIDE * system.freeforms[-1].freedom
@@ -345,9 +345,9 @@ def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
     """Return the lens that tells the blur of a system before there is a design: the base lens, that sends its
     light about to a target across the axis, and that of a coarse map to any other one."""
     if not system.blurred or system.target.receiver.across_axis:
-        return system.lens
+        return system.base
     start = TransportStart(system.sharp, backend, SPOT_CELLS)
-    return _with_last(system.lens, start.fit(system.lens.sags[-1].space).sag)
+    return _with_last(system.base, start.fit(system.base.sags[-1].space).sag)
 
 
 def _with_last(lens: Lens, sag: THBSurface) -> Lens:

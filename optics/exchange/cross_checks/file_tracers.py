@@ -98,7 +98,7 @@ def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = N
     require_traced(system)
     index, target = index_of(file), system.target.receiver
     start = (
-        min(_lowest(file.solid.front, system.lens.front), _lowest(file.solid.rear, system.lens.rear)) - 1.0
+        min(_lowest(file.solid.front, system.base.front), _lowest(file.solid.rear, system.base.rear)) - 1.0
     )
     if name != "mitsuba":
         crossed = [(0, 1 / index), (1, index)]
@@ -139,9 +139,9 @@ def _by_mitsuba(
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
     from optics.exchange.cross_checks.meshed_file import MeshedLens, coarser, optical_nodes  # OCCT
 
-    nodes = optical_nodes(file, least, [s.half_width for s in (system.lens.front, system.lens.rear)])
+    nodes = optical_nodes(file, least, [s.half_width for s in (system.base.front, system.base.rear)])
     load_mitsuba(threads=system.problem.run.threads)
-    outlines = [surface.outline for surface in (system.lens.front, system.lens.rear)]
+    outlines = [surface.outline for surface in (system.base.front, system.base.rear)]
     meshes = nodes, [*map(coarser, nodes)]
     fine, coarse = (MeshedLens(n, index, system.target.receiver, outlines) for n in meshes)
     return fine, coarse

@@ -145,7 +145,7 @@ def require_open(system: OpticalSystem) -> None:
 
 def absorbs(system: OpticalSystem) -> bool:
     """Return whether light is absorbed on its way in glass, of which scenes and meshes know nothing."""
-    return any(medium.absorption for medium in system.path(system.lens).media)
+    return any(medium.absorption for medium in system.path(system.base).media)
 
 
 def coated(system: OpticalSystem) -> bool:

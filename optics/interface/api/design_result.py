@@ -76,7 +76,7 @@ class Design(DesignRecord):
         levels: Sequence[LevelRecord] = (),
     ) -> Design:
         """Return the design that a run has come to."""
-        system, lens = system.with_sags(system.lens, state.sags)
+        system, lens = system.with_sags(system.base, state.sags)
         system, unfit = system.as_possible(lens)
         if unfit:
             notes(unfit)

@@ -97,7 +97,7 @@ class System:
         film = Film(
             optical.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window)
         )
-        lens = optical.lens.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
+        lens = optical.base.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
         with device():
             optical, chosen = shaping_by(engine, self.optical, self._backend)
             light = chosen.model(optical, lens, film)
@@ -123,7 +123,7 @@ class System:
         spaces = space_rows(space, self._level_0)
         sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
         try:
-            return require_sound(self.optical.lens.with_sags(sags))
+            return require_sound(self.optical.base.with_sags(sags))
         except ValueError as error:
             raise UserError(f"the lens cannot exist: {error}; take smaller coefficients") from None
 
@@ -143,7 +143,7 @@ class System:
 
     @cached_property
     def _level_0(self) -> list[THBSpace]:
-        return [sag.space for sag in self.optical.lens.sags]
+        return [sag.space for sag in self.optical.base.sags]
 
     @cached_property
     def _flux(self) -> float:

@@ -50,7 +50,7 @@ def check(options: Namespace) -> Outcome:
         expectation, plan = expected(system, backend, start)
         fire = fire_warning(system, expectation.concentration)
         data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
-        picture, least = system.target.light, system.lens.least_thickness()
+        picture, least = system.target.light, system.base.least_thickness()
         limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
         displaced = displaced_limits(system)
         waves = diffraction(system, expectation.least, lambda: expectation.blur or 0.0)
@@ -123,7 +123,7 @@ def _side_lines(system: OpticalSystem) -> list[str]:
 
 def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
     """Return what is certain before a design."""
-    screen, least = system.target.screen(), system.lens.least_thickness()
+    screen, least = system.target.screen(), system.base.least_thickness()
     return {
         "title": system.problem.title,
         "picture_pixels": list(system.target.light.shape[::-1]),
@@ -132,7 +132,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
         "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.flux)),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
-        "volume_mm3": system.as_possible(system.lens)[0].made(system.lens).volume(),
+        "volume_mm3": system.as_possible(system.base)[0].made(system.base).volume(),
         "skips": [asdict(skip) for skip in system.skips],
         "levels": [
             {
@@ -170,7 +170,7 @@ def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> lis
 def _unit_notes(system: OpticalSystem) -> list[str]:
     """Return a sentence of lens and target where they are so small that their lengths may be in metres."""
     target = system.target.settings
-    widths = {system.problem.optic.noun: 2 * max(getattr(system.lens, system.shaped).half_width)}
+    widths = {system.problem.optic.noun: 2 * max(getattr(system.base, system.shaped).half_width)}
     if not target.far_field:
         widths["target"] = 2 * max(target.half_width)
     return [

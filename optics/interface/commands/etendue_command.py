@@ -124,7 +124,7 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
 def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any], ImageBound, list[str]]:
     """Return the bounds of one blur for --json, that of the source's proportions, and lines."""
     start = perf_counter()
-    alike = one_blur(system, system.lens, efficiency, FIXED, any_form=False)
+    alike = one_blur(system, system.base, efficiency, FIXED, any_form=False)
     blurs = {"source_proportions": _blur_data(alike, start)}
     lines = [
         f"{one_blur_sentence(system)}, {base_rear(system)}",
@@ -132,7 +132,7 @@ def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any]
     ]
     if stretchable(system):
         start = perf_counter()
-        free = one_blur(system, system.lens, efficiency, SEARCH)
+        free = one_blur(system, system.base, efficiency, SEARCH)
         blurs["any_proportions"] = _blur_data(free, start)
         lines += _blur_lines(system, free, blurs["any_proportions"], True)
     return blurs, alike.bound, lines
@@ -169,7 +169,7 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
 
 def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
     met, unit = system.problem.faces_met, system.units.flux
-    passing_on = passing_words(passing_share(system.path(system.lens)))
+    passing_on = passing_words(passing_share(system.path(system.base)))
     first = f"the {met[0].face} of the base lens" if system.problem.lens else met[0].name
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",

@@ -132,7 +132,7 @@ def _tilt(turn: Floats, pose: Pose) -> list[float]:
 
 def _vertex(system: OpticalSystem) -> Floats:
     """Return where light leaves: the vertex of the rear, or of a mirror, mm."""
-    z = 0.0 if system.reflects else system.lens.thickness
+    z = 0.0 if system.reflects else system.base.thickness
     return np.array(system.pose.points(np.array([0.0, 0.0, z])))
 
 

@@ -59,12 +59,20 @@ class OpticalSystem(Prescribed):
         object.__setattr__(self, "problem", with_material(self.problem))
 
     @cached_property
-    def lens(self) -> Lens:
+    def base(self) -> Lens:
         """The lens before optimisation: sags of zeros on the level-0 meshes.
 
         Raises UserError : the prescription makes no lens.
         """
         return base_lens(self.problem.optic)
+
+    @property
+    def lens(self) -> Lens:
+        """Refuse to guess.
+
+        Raises AttributeError : always.
+        """
+        raise AttributeError("base or designed? system.base is the lens before optimisation")
 
     @cached_property
     def others(self) -> tuple[tuple[Optic, Lens], ...]:
@@ -115,7 +123,7 @@ class OpticalSystem(Prescribed):
     @property
     def free_others(self) -> tuple[tuple[Optic, Lens], ...]:
         """The elements with free surfaces that light meets before the last, in the order of the light."""
-        return self.free_elements(self.lens)[:-1]
+        return self.free_elements(self.base)[:-1]
 
     def free_surfaces(self, lens: Lens) -> list[FreeformSurface]:
         """Return the free surfaces of all elements in the order of the light."""
@@ -243,7 +251,7 @@ class OpticalSystem(Prescribed):
         """Return the system of a problem that differs in where things lie; lens and picture are not made
         again."""
         other = replace(self, problem=problem)
-        other.__dict__["lens"] = self.lens
+        other.__dict__["base"] = self.base
         other.target.__dict__["light"] = self.target.light
         return other
 
@@ -292,7 +300,7 @@ class OpticalSystem(Prescribed):
     @cached_property
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
-        return self.lens_on_axis and self.source.collimated and self.lens.front.is_plane
+        return self.lens_on_axis and self.source.collimated and self.base.front.is_plane
 
     @property
     def by_edges(self) -> bool:

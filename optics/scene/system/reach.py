@@ -33,7 +33,7 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
 
     Raises UserError : names the box.
     """
-    for optic, lens in system.elements(system.lens):
+    for optic, lens in system.elements(system.base):
         low, high = lens_heights(optic, lens)
         x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
         points = _target_within(system, optic, np.array([[-x, x], [-y, y], [low, high]]))
@@ -94,7 +94,7 @@ def require_apart(system: OpticalSystem) -> None:
 
     Raises UserError : names both.
     """
-    bodies = [(system.problem.optic, system.lens), *system.others]
+    bodies = [(system.problem.optic, system.base), *system.others]
     for (one, lens), (other, solid) in permutations(bodies, 2):
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
             x, y = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in surface.half_width))
@@ -209,7 +209,7 @@ def can_be_lit(system: OpticalSystem) -> bool:
     if not _shaped_last(system):
         return not _fault(system)
     points, normals, _ = _asked(system, system.problem.optic)
-    way = points - np.array([[0.0], [0.0], [0.0 if system.reflects else system.lens.thickness]])
+    way = points - np.array([[0.0], [0.0], [0.0 if system.reflects else system.base.thickness]])
     least = GRAZING * np.linalg.norm(way, axis=0)
     clear = ((way * normals).sum(axis=0) > least) & (np.abs(way[2]) > least)
     return bool(clear.all()) and not _fault(system)
@@ -223,7 +223,7 @@ def _shaped_last(system: OpticalSystem) -> bool:
 def _fault(system: OpticalSystem) -> str:
     """Return what light does not reach, and a remedy in words; "" where it reaches all."""
     last = system.problem.faces_met[-1]
-    lens = next(lens for optic, lens in system.elements(system.lens) if optic is last.optic)
+    lens = next(lens for optic, lens in system.elements(system.base) if optic is last.optic)
     points, normals, share = _asked(system, last.optic)
     fault = _unlit(system, last, lens, points, normals, share)
     parallel = system.parallel and _shaped_last(system)

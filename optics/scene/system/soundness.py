@@ -63,13 +63,13 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     system = OpticalSystem(problem.with_(**told) if told else problem, own=own)
     _ = (
         system.target.light,
-        system.lens,
+        system.base,
         system.source.profile,
         system.wavelengths,
     )  # built now, so that errors come now
     require_room(system)
-    start = system.path(system.lens).before if system.source.collimated else -np.inf
-    require_places(problem, ((system.problem.optic, system.lens), *system.others), system.stops, start)
+    start = system.path(system.base).before if system.source.collimated else -np.inf
+    require_places(problem, ((system.problem.optic, system.base), *system.others), system.stops, start)
     require_light(system)
     require_judged(system)
     require_sharp(system)
@@ -82,7 +82,7 @@ def require_light(system: OpticalSystem) -> None:
 
     Raises UserError : names the picture and the half-widths.
     """
-    source, front = system.problem.source, system.lens.front
+    source, front = system.problem.source, system.base.front
     if not system.source.collimated:
         return
     met = (np.array([-1.0, 1.0]) * min(1.0, f / s) for s, f in zip(source.half_width, front.half_width))
@@ -129,7 +129,7 @@ def require_room(system: OpticalSystem) -> None:
 
     Raises UserError : names the planes and the extent of the surfaces.
     """
-    problem, lens, source = system.problem, system.lens, system.problem.source
+    problem, lens, source = system.problem, system.base, system.problem.source
     if problem.element:
         require_met(system)
         require_apart(system)
@@ -173,7 +173,7 @@ def advice(system: OpticalSystem) -> list[str]:
 
     The limits are those that the lens misses before optimisation.
     """
-    problem, lens = system.problem, system.lens
+    problem, lens = system.problem, system.base
     options, sentences = problem.optimizer, [*system.source.assumed]
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
@@ -185,7 +185,7 @@ def advice(system: OpticalSystem) -> list[str]:
         sentences += _zone_advice(system)
     free = system.free_elements(lens)
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
-    thrown = CONIC_SLOPE * system.path(system.lens).lever
+    thrown = CONIC_SLOPE * system.path(system.base).lever
     if bent and not system.target.far_field and thrown > system.traced_within.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
@@ -204,7 +204,7 @@ def advice(system: OpticalSystem) -> list[str]:
 def _many_poles(system: OpticalSystem) -> list[str]:
     """Return a sentence where a conic gives a face many more poles than the finest level of its sag has."""
     free = system.freeforms[-1]
-    poles = max(graph.coefficients.size for graph in system.lens.graphs())
+    poles = max(graph.coefficients.size for graph in system.base.graphs())
     needed = prod((n << free.finest) + free.degree for n in free.spans)
     if poles <= MANY_POLES or poles <= MORE * needed:
         return []

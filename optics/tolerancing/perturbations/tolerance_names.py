@@ -124,7 +124,7 @@ def _checked(name: str, amount: object) -> float:
 
 def _usual(system: OpticalSystem) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
-    rows = [row for optic, lens in system.elements(system.lens) for row in _of_element(system, optic, lens)]
+    rows = [row for optic, lens in system.elements(system.base) for row in _of_element(system, optic, lens)]
     source = system.source
     # parallel light along z has no distance
     defocus = 0.0 if source.beam and source.frame.rotation[2, 2] >= STRAIGHT else SOURCE_SEAT

@@ -11,6 +11,6 @@ def made(tmp_path):
 
     def make(changes):
         system = small_system(tmp_path, changes)
-        return system, system.lens
+        return system, system.base
 
     return make

@@ -50,7 +50,7 @@ def test_the_envelope_holds_the_land_of_a_body(tmp_path, keys):
     body = {"lens.body.annulus": True, "lens.outline": "round", "lens.rear.freeform.z_freedom": 0.5}
     system = small_system(tmp_path, GLOWING | body | keys)
     inside = Delaunay(envelope(system))
-    for outline, z in designed_part(system, system.lens).made.level_edges:
+    for outline, z in designed_part(system, system.base).made.level_edges:
         for piece in outline.pieces:
             x, y = piece(np.linspace(*piece.ends, 9))
             points = np.stack([x, y, np.full_like(x, z)], axis=1)
@@ -64,7 +64,7 @@ def test_the_envelope_ends_at_the_outline_of_a_lens(tmp_path, outline):
     """All of the rims lies within, and what lies 0.2 % beyond them does not."""
     corner = {"lens.corner_radius": 3.0} if outline == "rounded" else {}
     system = small_system(tmp_path, GLOWING | {"lens.outline": outline} | corner)
-    inside, lens = Delaunay(envelope(system)), system.lens
+    inside, lens = Delaunay(envelope(system)), system.base
     for surface, z in ((lens.front, 0.0), (lens.rear, lens.thickness)):
         for piece in surface.outline.pieces:
             x, y = piece(np.linspace(*piece.ends, 99))

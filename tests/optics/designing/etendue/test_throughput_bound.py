@@ -110,7 +110,7 @@ def test_pixels_see_at_most_the_area_of_the_rear(tmp_path):
     """A flat aperture sees cos^4 / D^2 of what a turned one of its area could, cos^3 / D^2; the nearest
     places count."""
     system = small_system(tmp_path, FLAT | {"target.half_width": [40.0, 30.0]})
-    most = (rear_area(system.lens) / spread(system)).sum() * system.target.screen().pixel_area
+    most = (rear_area(system.base) / spread(system)).sum() * system.target.screen().pixel_area
     assert aperture_etendue(system) < most < 1.5 * aperture_etendue(system)
     axis = small_system(tmp_path, FLAT | {"target.half_width": [0.1, 0.1]})
     np.testing.assert_allclose(spread(axis), 59.0**2)  # the rear may rise by z_freedom = 1 mm
@@ -157,7 +157,7 @@ def test_area_and_light_of_a_round_lens(tmp_path, backend):
     """The area of a paraboloid over its disk; light beside the front is that of a trace of the same rays."""
     near = {"source.kind": "lambertian", "source.half_angle": 90.0, "source.distance": 4.0}
     system = small_system(tmp_path, {**near, "lens.outline": "round"})
-    lens, r = system.lens, system.lens.rear.half_width[0] / 40
+    lens, r = system.base, system.base.rear.half_width[0] / 40
     # pixels that the circle cuts count whole or not: r / 512 of it, at random
     assert rear_area(lens) == pytest.approx(2 * pi * 40**2 / 3 * ((1 + r * r) ** 1.5 - 1), rel=1e-6)
     rays = system.source.rays(RAYS)
@@ -190,7 +190,7 @@ def test_share_that_meets_a_hollow_front(backend, tmp_path, distance):
     }
     changes = front | {"source.distance": distance, "lens.rear.radius": -10.0}
     system = small_system(tmp_path, LAMBERTIAN | changes)
-    lens, problem = system.lens, system.problem
+    lens, problem = system.base, system.problem
     tracer = tracer_to(backend, lens, system.source.rays(RAYS), target_z(problem))
     with backend.dr.suspend_grad():
         _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
@@ -207,7 +207,7 @@ def test_a_picture_is_as_bright_as_its_brightest_place(tmp_path):
 
 
 def half_width(system, share, rel_l2=float("inf")):
-    return image_half_width(system, system.lens, share, rel_l2)
+    return image_half_width(system, system.base, share, rel_l2)
 
 
 def test_size_of_images(tmp_path):

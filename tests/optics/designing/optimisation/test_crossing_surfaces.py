@@ -35,8 +35,8 @@ def constant(lens, height):
 
 def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
     system = small_system(tmp_path)
-    wanted = constant(system.lens, -5.9)
-    _, found, wrong = nearest_shapes(system, system.lens, wanted)
+    wanted = constant(system.base, -5.9)
+    _, found, wrong = nearest_shapes(system, system.base, wanted)
     assert wrong == ""
     assert found.sags[0] is wanted[0]
 
@@ -45,7 +45,7 @@ def test_a_lens_that_can_exist_is_kept_bit_for_bit(tmp_path):
 def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(tmp_path, height, share):
     """The lens is 6 mm thick at its vertex and nowhere thinner: a constant sag c leaves 6 + t c > 0."""
     system = small_system(tmp_path)
-    _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, height))
+    _, found, wrong = nearest_shapes(system, system.base, constant(system.base, height))
     np.testing.assert_array_equal(found.sags[0].coefficients, share * height)
     assert "cross" in wrong or "touch" in wrong
     assert f"of the level's changes {share:.2g} are kept" in wrong
@@ -53,21 +53,21 @@ def test_a_lens_that_cannot_exist_keeps_the_greatest_halved_share_of_its_change(
 
 def test_a_change_far_beyond_reason_is_dropped(tmp_path):
     system = small_system(tmp_path)
-    _, found, wrong = nearest_shapes(system, system.lens, constant(system.lens, -1e9))
-    assert found is system.lens
+    _, found, wrong = nearest_shapes(system, system.base, constant(system.base, -1e9))
+    assert found is system.base
     assert wrong.endswith("none of the level's changes are kept")
 
 
 def test_a_start_that_nearly_crosses_is_moved_apart_without_limits(tmp_path, backend):
     """The lens is 6 mm thick, and a rear lowered by 5.9999 mm leaves less than its penalty allows."""
     system = small_system(tmp_path, SHORT | {"lens.rear.freeform.z_freedom": 9.0})
-    sags, (stage,) = constant(system.lens, -5.9999), stages(system, False)
+    sags, (stage,) = constant(system.base, -5.9999), stages(system, False)
     target = system.target.irradiance(stage.screen, system.problem.flux)
     engine, notes = ExactEngine(backend), list[str]()
     objective = stage_objective(*with_sags(system, sags), stage, target, engine)
     search = Search(system.problem, objective, BoundedVariables(sags, [9.0]), tuple(sags), None)
     assert objective.shape.exceeded([sag.coefficients for sag in sags])
-    keeper = limit_keeper.LimitKeeper(system, system.lens, None, notes.append)
+    keeper = limit_keeper.LimitKeeper(system, system.base, None, notes.append)
     log = Log(State(False, 0, tuple(sags)), stage, 0.0, lambda _: None)
     begun = keeper.begun(search, log)
     assert not objective.shape.exceeded([sag.coefficients for sag in begun.sags])
@@ -80,7 +80,7 @@ def crossing(system, monkeypatch):
     def crossed(search, iterations, log):
         found = genuine(search, iterations, log)
         calls.append(found)
-        through = [sag.coefficients for sag in constant(system.lens, -7.0)]
+        through = [sag.coefficients for sag in constant(system.base, -7.0)]
         return replace(found, coefficients=through) if len(calls) == 1 else found
 
     for module in (loop, limit_keeper):
@@ -97,7 +97,7 @@ def test_a_level_that_would_cross_is_taken_back_and_the_design_goes_on(tmp_path,
     assert taken_back.startswith("level 0: the optimised lens cannot exist (the surfaces cross: ")
     assert taken_back.endswith("of the level's changes 0.5 are kept")
     thickness = float(re.search(r": --set lens\.thickness=(\S+)$", remedy)[1])
-    assert constant(system.lens, -7.0)[0].coefficients.min() + thickness > 0  # above the plane front
+    assert constant(system.base, -7.0)[0].coefficients.min() + thickness > 0  # above the plane front
 
 
 @pytest.mark.slow
@@ -115,7 +115,7 @@ def test_ctrl_c_amid_surfaces_that_cross_leaves_a_state_to_go_on_from(tmp_path, 
 
     def stopped(search, iterations, log):
         log.add(search.objective([sag.coefficients for sag in search.sags]), search.sags[0].space.dim)
-        raise Interrupted(log.state(constant(system.lens, -7.0)))
+        raise Interrupted(log.state(constant(system.base, -7.0)))
 
     monkeypatch.setattr(limit_keeper, "minimised", stopped)
     with pytest.raises(Interrupted) as caught:

@@ -42,7 +42,7 @@ def light_of(done, backend):
 
 def paraboloid_light(system, backend, radius):
     """Return the rel_l2 of a paraboloid in the space of the sag, as low as z_freedom allows."""
-    space, rear = system.lens.sags[-1].space, system.lens.rear
+    space, rear = system.base.sags[-1].space, system.base.rear
     kv = space.kv_u
     inner = np.stack([kv.knots[i : kv.dim + i] for i in (1, 2, 3)])
     squares = (inner[0] * inner[1] + inner[0] * inner[2] + inner[1] * inner[2]) / 3
@@ -50,7 +50,7 @@ def paraboloid_light(system, backend, radius):
     sag = sag + np.clip(
         0.0, -system.freeforms[-1].freedom - sag.min(), system.freeforms[-1].freedom - sag.max()
     )
-    lens = system.lens.with_sags([THBSurface(space, sag.ravel())])
+    lens = system.base.with_sags([THBSurface(space, sag.ravel())])
     made = FreeformSurface(rear.half_width, Conic(radius, -1.0))
     x = np.linspace(-50.0, 50.0, 7)
     offset = lens.rear(x, x) - made(x, x)
@@ -107,8 +107,8 @@ def test_a_limit_that_only_the_dark_rim_exceeds_costs_nothing(backend):
 def test_a_radius_left_to_the_program_keeps_the_limit(backend):
     auto = {"lens.rear.radius": "auto", "lens.rear.freeform.z_freedom": "auto"}
     system = system_of(backend, **SMALL, **auto, **{"limits.concave_radius": 270.4})
-    assert system.lens.rear.conic.radius == pytest.approx(270.4, rel=1e-5)  # three digits would be 270
-    assert system.lens.rear.conic.radius >= 270.4
+    assert system.base.rear.conic.radius == pytest.approx(270.4, rel=1e-5)  # three digits would be 270
+    assert system.base.rear.conic.radius >= 270.4
 
 
 def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backend, monkeypatch):
@@ -131,11 +131,11 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
 def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
     """The nearest surface whose radius of curvature is 300 mm has nowhere a smaller one, and touches it."""
     system = system_of(backend, **SMALL, **{"limits.concave_radius": 300.0})
-    shapes = LimitedShapes(system, system.lens)
+    shapes = LimitedShapes(system, system.base)
     penalty = shapes.penalty(fine=False)
-    sags = system.sags(system.lens)  # a paraboloid of 150 mm
+    sags = system.sags(system.base)  # a paraboloid of 150 mm
     moved = shapes.moved(sags, penalty, shapes.conics(sags, penalty))
-    lens = system.lens.with_sags(moved)
+    lens = system.base.with_sags(moved)
     concave, _ = radii_within(lens, "rear", (50.0, 50.0))
     assert concave.lower >= 300.0
     x = np.linspace(-40.0, 40.0, 9)
@@ -172,8 +172,8 @@ def test_a_run_resumed_on_the_last_level_ends_as_the_run_in_one_go(backend):
 
 def test_a_limit_at_which_a_design_ends_is_active(backend):
     system = system_of(backend, **SMALL, **{"lens.rear.radius": 404.0, "limits.concave_radius": 400.0})
-    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags(system.lens))
-    (active,) = LimitedShapes(system, system.lens).active(sags)
+    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags(system.base))
+    (active,) = LimitedShapes(system, system.base).active(sags)
     assert (active.key, active.wanted) == ("concave_radius", 400.0)
     far = system_of(backend, **SMALL, **{"lens.rear.radius": 412.0, "limits.concave_radius": 400.0})
     assert LimitedShapes(far, far.lens).active(sags) == []
@@ -212,7 +212,7 @@ def test_the_lit_part_of_the_last_element_excuses_no_other(backend):
             seen.append(penalty.keys)
             return sags
 
-    Seen(system, system.lens, light).costs(system.sags(system.lens), lambda _: 1.0)
+    Seen(system, system.base, light).costs(system.sags(system.base), lambda _: 1.0)
     assert seen[-1] == ("concave_radius",)
 
 

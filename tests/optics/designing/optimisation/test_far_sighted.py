@@ -34,12 +34,12 @@ def far_sighted(system):
     rough, final = stages(system, True)[-2:]
     assert (rough.far_sighted, final.far_sighted) == (True, False)
     target = system.target.irradiance(rough.screen, 1.0)
-    return stage_objective(system, system.lens, rough, target, ExactEngine(load_backend("double", 1)))
+    return stage_objective(system, system.base, rough, target, ExactEngine(load_backend("double", 1)))
 
 
 def test_its_slope_is_that_of_differences(system):
     loss, rng = far_sighted(system), np.random.default_rng(2)
-    dim = system.lens.rear.sag.space.dim
+    dim = system.base.rear.sag.space.dim
     at, along = 0.05 * rng.normal(size=dim), rng.normal(size=dim)
     found = slope_at_0(lambda step: loss([at + step * along]).loss, 1e-5)
     assert found == pytest.approx(float(loss([at]).gradients[0] @ along), rel=1e-7)

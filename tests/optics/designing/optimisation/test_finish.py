@@ -75,7 +75,7 @@ def test_the_result_of_every_stage_of_an_extended_source_is_measured_with_other_
 
 def test_without_fresnels_losses_all_refracted_light_passes(tmp_path, backend):
     system = small_system(tmp_path)
-    lens = system.lens
+    lens = system.base
     c = [sag.coefficients for sag in lens.sags]
     passing = {}
     for fresnel in (True, False):
@@ -101,7 +101,7 @@ def test_an_earlier_design_goes_through_the_last_level_and_its_finish(tmp_path):
     """Not through the finish alone."""
     system = small_system(tmp_path, GLOWING | {"optimizer.finish": 9})
     plan = stages(system, False)
-    state = earlier_state(system, system.lens)
+    state = earlier_state(system, system.base)
     assert [(stage.level, stage.finish) for stage in plan[state.stage :]] == [
         (1, False),
         (1, True),

@@ -22,7 +22,7 @@ def test_a_map_asks_for_what_can_arrive_where_its_surface_reflects_much(tmp_path
     system, seen = small_system(tmp_path, changes | {"optimizer.iterations": [1]}), []
     start = TransportStart(system, backend)
     state = State(mapped, 0, (start.fit(first_sags(system, mapped)[-1].space).sag,))
-    sent = transmitted_flux(system, backend, system.lens.with_sags(state.sags))
+    sent = transmitted_flux(system, backend, system.base.with_sags(state.sags))
     whole = transmitted_flux(system, backend)
     listener = Listener(seen=lambda *told: seen.append(told))
     shape_lens(system, backend, ExactEngine(backend), state, start, listener)

@@ -47,8 +47,8 @@ def test_the_transport_map_shapes_the_front(tmp_path, backend, rear, source):
     """
     system = OpticalSystem(front_problem(tmp_path, REARS[rear] | SOURCES[source]))
     start = TransportStart(system, backend)
-    fit = start.fit(system.lens.sags[0].space.uniform(2))
-    lens = system.lens.with_sags([fit.sag])
+    fit = start.fit(system.base.sags[0].space.uniform(2))
+    lens = system.base.with_sags([fit.sag])
     assert start.within(fit)
     assert start.bent > 0.99
     assert measure(system, lens, backend).metrics["rel_l2_sequential"] < 0.12
@@ -57,8 +57,8 @@ def test_the_transport_map_shapes_the_front(tmp_path, backend, rear, source):
 def test_a_design_goes_on_from_another_front(tmp_path):
     """From a lens of the same front; a free rear has no place in it."""
     system = OpticalSystem(front_problem(tmp_path))
-    space = system.lens.sags[0].space
-    earlier = system.lens.with_sags([THBSurface(space, rough(space, 0.1))])
+    space = system.base.sags[0].space
+    earlier = system.base.with_sags([THBSurface(space, rough(space, 0.1))])
     (sag,) = earlier_state(system, earlier).sags
     np.testing.assert_array_equal(sag.coefficients, earlier.front.sag.coefficients)
     free_rear = small_system(tmp_path).lens

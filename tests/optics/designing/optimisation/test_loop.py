@@ -232,7 +232,7 @@ def test_coefficients_keep_to_z_freedom(tmp_path, backend, bound):
 
 
 def test_only_the_rear_sag_changes(small):
-    base = small.system.lens
+    base = small.system.base
     assert (small.lens.front.half_width, small.lens.front.conic) == (base.front.half_width, base.front.conic)
     assert (small.lens.rear.half_width, small.lens.rear.conic) == (base.rear.half_width, base.rear.conic)
     assert (small.lens.thickness, small.lens.index) == (base.thickness, base.index)

@@ -22,7 +22,7 @@ def test_a_loss_that_is_not_finite_is_named(tmp_path, backend):
 
 
 def test_surfaces_that_cross_are_named_with_the_remedy(small, backend):
-    sag = small.system.lens.rear.sag
+    sag = small.system.base.rear.sag
     deep = THBSurface(sag.space, np.full(sag.space.dim, -7.0))
     with pytest.raises(
         NumericalError,

@@ -25,8 +25,8 @@ def evaluations(folder, backend, changes, axes=None):
     """Return (axes, Evaluations with one half and with all light, gradients averaged) at a symmetric lens."""
     system = small_system(folder, changes | {"target.kind": "tophat"})
     stage = stages(system, False)[-1]
-    sags = [sag.refine({0: sag.space.cells[:, 1:]}) for sag in system.lens.sags]
-    lens = system.lens.with_sags(sags)
+    sags = [sag.refine({0: sag.space.cells[:, 1:]}) for sag in system.base.sags]
+    lens = system.base.with_sags(sags)
     found = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
     chosen = found if axes is None else axes
     mirrors, rng = [Mirrors(sag.space, found) for sag in sags], np.random.default_rng(3)

@@ -69,8 +69,8 @@ def test_what_differs_within_pixels_counts_less():
     system, plan = fine_stages()
     stage, flux = plan[-1], system.problem.flux
     target = system.target.irradiance(stage.screen, flux)
-    loss = stage_objective(system, system.lens, stage, target, ExactEngine(load_backend("double", 1)))
-    rng, dim = np.random.default_rng(2), system.lens.rear.sag.space.dim
+    loss = stage_objective(system, system.base, stage, target, ExactEngine(load_backend("double", 1)))
+    rng, dim = np.random.default_rng(2), system.base.rear.sag.space.dim
     at, along = 0.05 * rng.normal(size=dim), rng.normal(size=dim)
     found = slope_at_0(lambda step: loss([at + step * along]).loss, 1e-5)
     assert found == pytest.approx(float(loss([at]).gradients[0] @ along), rel=1e-6)

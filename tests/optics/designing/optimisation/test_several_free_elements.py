@@ -66,9 +66,9 @@ def test_sags_come_in_the_order_of_the_light_whatever_the_order_of_the_file():
         path = [{"faces": ("L1.front", "L1.rear", "M1")}]
         system = OpticalSystem(problem(*elements, path=path))
         assert system.problem.optic.called == "M1"
-        assert [optic.called for optic, _ in system.free_elements(system.lens)] == ["L1", "M1"]
-        sags = [waves(sag.space, h) for sag, h in zip(system.sags(system.lens), (0.1, 0.2))]
-        shaped, lens = system.with_sags(system.lens, sags)
+        assert [optic.called for optic, _ in system.free_elements(system.base)] == ["L1", "M1"]
+        sags = [waves(sag.space, h) for sag, h in zip(system.sags(system.base), (0.1, 0.2))]
+        shaped, lens = system.with_sags(system.base, sags)
         assert shaped.path(lens).sags == sags
         assert lens.front.sag is sags[1]
         assert shaped.shapes["L1"].rear.sag is sags[0]
@@ -79,8 +79,8 @@ def test_sags_come_in_the_order_of_the_light_whatever_the_order_of_the_file():
 def test_the_loss_over_several_elements_has_the_slopes_of_differences(backend, limits):
     """Five-point differences along a rough direction; the limits are exceeded in both elements."""
     system = OpticalSystem(problem(LENS, MIRROR, limits=limits))
-    sags = [waves(sag.space, 0.02) for sag in system.sags(system.lens)]
-    shaped, lens = system.with_sags(system.lens, sags)
+    sags = [waves(sag.space, 0.02) for sag in system.sags(system.base)]
+    shaped, lens = system.with_sags(system.base, sags)
     stage = stages(system, False)[-1]
     light = ExactEngine(backend).model(shaped, lens, stage_film(shaped, stage))
     loss = penalised_objective(shaped, lens, light, system.target.irradiance(stage.screen, 1.0))
@@ -103,8 +103,8 @@ def test_the_loss_over_several_elements_has_the_slopes_of_differences(backend, l
 def test_the_limits_of_each_element_are_checked_under_its_name():
     """A wave of 0.5 mm has radii of some mm: too small in both."""
     system = OpticalSystem(problem(LENS, MIRROR, limits={"radius": 20.0}))
-    sags = [waves(sag.space.uniform(1), 0.5) for sag in system.sags(system.lens)]
-    shaped, _ = system.with_sags(system.lens, sags)
+    sags = [waves(sag.space.uniform(1), 0.5) for sag in system.sags(system.base)]
+    shaped, _ = system.with_sags(system.base, sags)
     (check,) = other_limit_checks(shaped)
     assert check.name.startswith("L1: radius of the rear short of limits.radius")
     assert not check.ok
@@ -143,8 +143,8 @@ def test_a_script_s_map_takes_one_free_element():
 
 def test_an_earlier_design_gives_every_element_its_sag():
     system = solvable_system(problem(LENS, MIRROR))
-    sags = [waves(sag.space, 0.05) for sag in system.sags(system.lens)]
-    shaped, lens = system.with_sags(system.lens, sags)
+    sags = [waves(sag.space, 0.05) for sag in system.sags(system.base)]
+    shaped, lens = system.with_sags(system.base, sags)
     assert earlier_state(system, lens, shaped.shapes).sags == tuple(sags)
     alone = earlier_state(system, lens).sags
     assert alone[1] is sags[1]
@@ -191,7 +191,7 @@ def test_two_free_elements_are_better_than_either_alone(shown, tmp_path):
 
 def test_the_element_whose_surfaces_cross_is_named():
     system = OpticalSystem(problem(LENS, MIRROR))
-    own, other = system.sags(system.lens)
+    own, other = system.sags(system.base)
     through = THBSurface(own.space, np.full(own.space.dim, -7.0))
-    _, _, wrong = nearest_shapes(system, system.lens, [through, other])
+    _, _, wrong = nearest_shapes(system, system.base, [through, other])
     assert wrong.startswith("the optimised lens cannot exist (L1: the surfaces")

@@ -60,7 +60,7 @@ def test_levels_of_dense_meshes_have_cells(tmp_path, backend):
         system, start = resolved(small_system(tmp_path, AUTOMATIC | changes, ramp), backend)
         sag = start.finest_fit().sag
         assert sag.space.levels == system.freeforms[-1].finest + 1
-        assert measure(system, system.lens.with_sags([sag]), backend).metrics["rel_l2"] < 0.03
+        assert measure(system, system.base.with_sags([sag]), backend).metrics["rel_l2"] < 0.03
 
 
 def test_a_level_that_is_chosen_starts_like_the_same_level_as_a_number(tmp_path, backend):
@@ -143,7 +143,7 @@ def test_the_base_leaves_the_map_within_reach_where_a_number_was_a_trap(tmp_path
     arriving = []
     for system in (small_system(tmp_path, small), based(tmp_path, backend, small | BASE)):
         start = TransportStart(system, backend)
-        lens = system.lens.with_sags([start.fit(system.lens.sags[-1].space.uniform(1)).sag])
+        lens = system.base.with_sags([start.fit(system.base.sags[-1].space.uniform(1)).sag])
         arriving.append(measure(system, lens, backend).metrics["efficiency"])
     assert arriving[0] < 0.5
     assert arriving[1] > 0.9
@@ -185,7 +185,7 @@ def test_nobody_is_told_to_raise_a_bound_that_the_program_chose(tmp_path, backen
 def test_a_thin_lens_keeps_its_thickness(tmp_path, backend):
     """Without limits the paraboloid of R = -64.5 would fall 1.6 mm to the corner of a lens of 1 mm."""
     system = based(tmp_path, backend, {"lens.thickness": 1.0, "target.half_width": [5.0, 5.0]})
-    assert system.lens.least_thickness().lower > 0.1
+    assert system.base.least_thickness().lower > 0.1
 
 
 @pytest.mark.slow
@@ -248,7 +248,7 @@ def test_all_that_was_left_to_the_program_is_written_as_numbers(tmp_path, backen
     again = load_problem(tmp_path / "again.toml")
     assert again == system.problem
     assert not again.lens.automatic
-    assert OpticalSystem(again).lens.front.conic.is_plane
+    assert OpticalSystem(again).base.front.conic.is_plane
 
 
 @pytest.mark.parametrize("key", BASE)

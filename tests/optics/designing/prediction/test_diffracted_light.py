@@ -78,7 +78,7 @@ def far_screen(folder, half_width=500.0, **more):
 
 
 def found_of(system, backend):
-    return diffraction_of(system, system.lens, backend)
+    return diffraction_of(system, system.base, backend)
 
 
 def test_a_top_hat_ten_kilometres_away_is_blurred_by_lambda_l_over_d(tmp_path, backend):
@@ -143,7 +143,7 @@ def test_the_lens_of_4_mm_reads_worse_in_waves_than_by_rays():
 
 def test_designs_have_it_in_metrics_and_notes(tmp_path):
     system = far_screen(tmp_path)
-    design = optics.Design.of_lens(system.problem, system.lens)
+    design = optics.Design.of_lens(system.problem, system.base)
     assert design.metrics["diffraction_blur_mm"] > 0
     assert design.metrics["rel_l2_diffraction"] > LEAST
     assert any("geometrical optics" in sentence for sentence in design.notes)

@@ -55,7 +55,7 @@ def started(folder, backend, changes):
     """Return the system with the lens of its transport start, and what `sensitivity` says of it."""
     system = small_system(folder, changes)
     start = TransportStart(system, backend)
-    lens = system.lens.with_sags([start.fit(system.lens.sags[-1].space.uniform(1)).sag])
+    lens = system.base.with_sags([start.fit(system.base.sags[-1].space.uniform(1)).sag])
     return system, lens, sensitivity(system, lens, backend)
 
 
@@ -126,7 +126,7 @@ def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
 def test_a_round_lens_is_as_deep_as_within_its_rim():
     """Against the vertices of its mesh."""
     system = example_system("dome", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
-    lens = system.lens
+    lens = system.base
     heights = to_trimesh(lens, 1e-3).vertices[:, 2]
     assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
@@ -211,12 +211,12 @@ def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path
 def test_volume_and_size_are_those_of_what_is_made(example):
     base = {"lens.rear.radius": -30.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 0.1}
     system = example_system(example, base | {"target.pixels": (32, 32)})
-    made, (count, more) = system.made(system.lens), volume_of_made(system.problem.optic, system.lens)
-    assert made.volume() == pytest.approx(count * system.lens.volume() + more, rel=1e-12)
-    assert made.volume() > 1.2 * count * system.lens.volume()
+    made, (count, more) = system.made(system.base), volume_of_made(system.problem.optic, system.base)
+    assert made.volume() == pytest.approx(count * system.base.volume() + more, rel=1e-12)
+    assert made.volume() > 1.2 * count * system.base.volume()
     array = system.problem.optic.array
     if array is not None:
-        wide, high, _ = _size(system, system.lens)
+        wide, high, _ = _size(system, system.base)
         assert (wide, high) == (array.columns * array.pitches[0], array.rows * array.pitches[1])
 
 
@@ -228,7 +228,7 @@ def test_a_ripple_on_a_turned_mirror_is_that_of_the_worse_direction(backend):
     target = {"kind": "tophat", "position": (0, 600, 0), "tilt": (-90, 0, 0), "half_width": (40, 40)}
     system = OpticalSystem(Problem(source=beam, element=[mirror], target=target))
     turned = 2 * 2 * np.pi * 1e-3 / 3.0 * 600
-    assert sensitivity(system, system.lens, backend).ripple == pytest.approx(turned, rel=0.01)
+    assert sensitivity(system, system.base, backend).ripple == pytest.approx(turned, rel=0.01)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def bright_top_hat(**changes):
 def foreseen(system, backend, limits=None):
     found, _ = expected(system, backend)
     if limits is None and system.blurred:
-        limits = blur_limits(system, system.lens, backend)
+        limits = blur_limits(system, system.base, backend)
     return foreseen_misses(system, found, limits, backend)
 
 
@@ -56,7 +56,7 @@ def test_bad_light_on_a_square_is_not_called_good():
 def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     """The blur alone keeps rel_l2 above the limit, whatever the lens."""
     system = small_system(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, STROKES)
-    limits = blur_limits(system, system.lens, backend)
+    limits = blur_limits(system, system.base, backend)
     assert limits.least > 0.3
     sentences = foreseen(system, backend, limits)
     words = f"this design will miss its limit: the blur allows a rel_l2 of {limits.least:.2g} at least"
@@ -86,7 +86,7 @@ def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothi
 ):
     system = small_system(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, STROKES)
     found, _ = expected(system, backend)
-    limits = blur_limits(system, system.lens, backend)
+    limits = blur_limits(system, system.base, backend)
     assert limits.least > 0.1
     assert not any("larger target" in said for said in foreseen_misses(system, found, limits, backend))
 

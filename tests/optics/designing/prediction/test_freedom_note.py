@@ -113,7 +113,7 @@ def test_the_design_says_what_check_says(tmp_path, backend):
     """Of a start whose coarse mesh alone is cut off, for which the design does without the map."""
     system = small_system(tmp_path, POINT | {"optimizer.iterations": [1], "lens.rear.freeform.max_level": 3})
     start = TransportStart(system, backend)
-    fine = start.fit(system.lens.sags[-1].space.uniform(system.freeforms[-1].finest))
+    fine = start.fit(system.base.sags[-1].space.uniform(system.freeforms[-1].finest))
     assert start.traced.asked > fine.asked
     needed = re.search(r"z_freedom=[\d.]+", expected(system, backend)[0].note)[0]
     first, *_ = designed(system, backend).notes

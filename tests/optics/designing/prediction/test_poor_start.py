@@ -21,7 +21,7 @@ def test_nothing_is_predicted_from_a_start_that_is_not_taken(tmp_path, backend, 
     system = small_system(tmp_path, ROOM, RING)
     found, plan = expected(system, backend)
     assert found.rel_l2 is None
-    assert found.volume == system.lens.volume()
+    assert found.volume == system.base.volume()
     assert f"this design may miss its limit: {found.doubt}" in foreseen_misses(system, found, None, backend)
     assert not found.from_transport
     assert plan[0].level == 0

@@ -42,8 +42,8 @@ TWO_LENSES = Problem(
 def test_dispersion_is_that_of_all_lenses_and_another_melt_that_of_one():
     """A gathers the light and B spreads it: what they do to colours cancels in part."""
     system, backend = OpticalSystem(TWO_LENSES), load_backend("double")
-    found = sensitivity(system, system.lens, backend)
-    path, rays = system.path(system.lens), system.source.rays((61, 59))
+    found = sensitivity(system, system.base, backend)
+    path, rays = system.path(system.base), system.source.rays((61, 59))
     *before, of_b, air = path.media
     denser = path.in_media([*before, replace(of_b, index=of_b.index + INDEX), air])
     by_colours = [path.in_media(system.media_at(nm)) for nm in (450.0, 640.0)]
@@ -63,7 +63,7 @@ def turned(source):
     target = {"distance": 200, "half_width": (30, 60), "tilt": (60, 0, 0)}
     rear = {"half_width": (10, 10), "freeform": {"spans": (2, 2), "z_freedom": 1.0}}
     system = OpticalSystem(flat_problem(source, target, {"rear": rear}))
-    return sensitivity(system, system.lens, load_backend("double")).decentre
+    return sensitivity(system, system.base, load_backend("double")).decentre
 
 
 def test_a_decentre_is_stretched_where_light_meets_the_target_at_an_angle():
@@ -90,5 +90,5 @@ def test_a_decentre_before_a_fold_is_that_behind_it(fold):
         target={"kind": "tophat", "half_width": (30, 30), "pixels": (8, 8)} | place,
     )
     system = OpticalSystem(problem)
-    found = sensitivity(system, system.lens, load_backend("double")).decentre
+    found = sensitivity(system, system.base, load_backend("double")).decentre
     assert found == pytest.approx(DECENTRE, rel=1e-9)

@@ -35,8 +35,8 @@ def started(folder, backend, changes=None, image=None, spans=16):
 
 def fitted(system, backend, spans=16):
     """Return the lens of the transport start on one level of `spans` spans."""
-    space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in system.lens.rear.half_width))
-    return system.lens.with_sags([TransportStart(system, backend).fit(space).sag])
+    space = THBSpace(*(KnotVector.uniform(3, spans, -h, h) for h in system.base.rear.half_width))
+    return system.base.with_sags([TransportStart(system, backend).fit(space).sag])
 
 
 def test_slopes_of_a_surface_of_the_space_give_it_back():
@@ -64,9 +64,9 @@ def test_a_white_picture_spreads_the_light_evenly(tmp_path, backend):
 def test_cells_of_the_rim_beside_the_light_are_refined_with_their_neighbours(tmp_path, backend, beam):
     """Those that begin within 1.5 spans of the light, where a function may still meet it, and no others."""
     system = small_system(tmp_path, {"source.half_width": [beam, beam]})
-    (sag,), start = system.lens.sags, TransportStart(system, backend)
+    (sag,), start = system.base.sags, TransportStart(system, backend)
     sag = sag.uniform(3)
-    spans, half = 8 * sag.space.kv_u.spans, system.lens.rear.half_width[0]
+    spans, half = 8 * sag.space.kv_u.spans, system.base.rear.half_width[0]
     middle = half * (2 * sag.space.cells[:, 1:] + 1 - spans) / spans
     beside = (np.abs(middle).max(axis=1) - beam) / (2 * half / spans)  # of a cell's middle, in spans
     misfit = start.misfit(sag)

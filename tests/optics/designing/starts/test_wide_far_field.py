@@ -20,7 +20,7 @@ def started(folder, changes, drop=()):
 def fitted(system, backend):
     """Return the start, and its sag on 32 spans."""
     start = TransportStart(system, backend)
-    return start, start.fit(system.lens.sags[-1].space.uniform(3)).sag
+    return start, start.fit(system.base.sags[-1].space.uniform(3)).sag
 
 
 @pytest.mark.slow
@@ -44,7 +44,7 @@ def test_a_start_makes_up_for_the_losses_that_the_design_reckons_with(tmp_path, 
     without, and the reverse."""
     system = started(tmp_path, {"optimizer.fresnel": fresnel})
     _, sag = fitted(system, backend)
-    path, screen = system.path(system.lens.with_sags([sag])), system.target.screen()
+    path, screen = system.path(system.base.with_sags([sag])), system.target.screen()
     inner = (slice(BORDER, -BORDER),) * 2
     wanted, cells = system.target.irradiance(screen, 1.0)[inner], system.source.cells((193, 193))
     lossy, bare = (

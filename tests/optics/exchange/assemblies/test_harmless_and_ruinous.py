@@ -111,17 +111,17 @@ CASES = [
 def test_a_part_is_judged_by_its_light(system, added, removed, harmless, rays, tmp_path, monkeypatch):
     if rays:
         monkeypatch.setattr("optics.exchange.assemblies.light_samples.RAYS", rays)
-    part = LensPart(system.lens)
+    part = LensPart(system.base)
     for tool in added:
         part = join(part, tool, "mount")
     for tool in removed:
         part = cut(part, tool, "cut")
-    write_step(part, tmp_path / "part.step", lens=system.lens)
+    write_step(part, tmp_path / "part.step", lens=system.base)
     if any(isinstance(tool, bd.Sphere) for tool in removed):
         with pytest.raises(UserError, match="BREP_WITH_VOIDS"):
-            part_checks(tmp_path / "part.step", system.lens, False, system)
+            part_checks(tmp_path / "part.step", system.base, False, system)
         return
-    checks, _ = part_checks(tmp_path / "part.step", system.lens, False, system)
+    checks, _ = part_checks(tmp_path / "part.step", system.base, False, system)
     failed = failing(checks)
     assert (failed == []) == harmless, failed
     # what fails is the light or the glass, not the file
@@ -135,10 +135,10 @@ def test_light_before_other_elements_is_left_out_and_not_called_free(tmp_path):
     numbers = {"radius": 200.0, "conic": -1.0, "freeform.z_freedom": 1.0}
     changes = {f"element.L1.rear.{key}": value for key, value in numbers.items()}
     system = OpticalSystem(load_problem(ROOT / "examples/folded.toml", changes))
-    part = LensPart(system.lens)
+    part = LensPart(system.base)
     for tool in (FLANGE, *BEHIND):
         part = join(part, tool, "mount")
-    write_step(part, tmp_path / "part.step", lens=system.lens)
-    checks, left_out = part_checks(tmp_path / "part.step", system.lens, False, system)
+    write_step(part, tmp_path / "part.step", lens=system.base)
+    checks, left_out = part_checks(tmp_path / "part.step", system.base, False, system)
     assert ELSEWHERE in left_out
     assert not any("target" in check.name for check in checks)

@@ -48,9 +48,9 @@ def test_all_light_stays_in_its_hulls(name, few_rays):
     coarse = {"target.pixels": (32, 32), "run.threads": 1}
     system = solvable_system(load_problem(ROOT / f"examples/{example}.toml", {**changes, **coarse}))
     heights = -12.0, 80.0
-    hulls = light_hulls(system.lens, system, heights)
+    hulls = light_hulls(system.base, system, heights)
     count = 0
-    for paths in sampled_light(system, system.lens, hulls.target, heights):
+    for paths in sampled_light(system, system.base, hulls.target, heights):
         ends = {
             "source to front": (paths.start, paths.front),
             "front to rear": (paths.front, paths.rear),

@@ -29,7 +29,7 @@ def test_parts_bear_the_names_of_the_elements_in_their_order(row):
 @pytest.mark.parametrize("changes", [{}, CURVED])
 def test_source_and_screen_stand_in_their_places_as_thin_parts(row, tmp_path, changes):
     system, path = OpticalSystem(row.problem.with_(**changes)), tmp_path / "staged.step"
-    assert failing(export_scene(system, system.lens, path, staged=True)) == []
+    assert failing(export_scene(system, system.base, path, staged=True)) == []
     source, *_, screen = read_scene(path)
     assert (source.name, screen.name) == ("source", "screen")
     assert source.pose.shift.tolist() == [0.0, 0.0, -30.1]  # 0.1 mm thick before the source plane
@@ -41,7 +41,7 @@ def test_each_of_several_sources_is_a_part_at_its_place(row, tmp_path):
     place = {"source.distance": 2.0, "source.position": (3.0, 0.0, -45.0)}
     of_four = row.problem.with_(**{"source.array": array}, **place)
     system, path = OpticalSystem(of_four), tmp_path / "staged.step"
-    assert failing(export_scene(system, system.lens, path, staged=True)) == []
+    assert failing(export_scene(system, system.base, path, staged=True)) == []
     places = {part.name: part.pose.shift.tolist() for part in read_scene(path) if "source" in part.name}
     assert places == {"source 1": [-1.5, 0.0, -45.1], "source 2": [7.5, 0.0, -45.1]}
 
@@ -100,8 +100,8 @@ def test_every_lens_of_a_plate_has_its_source_before_it(tmp_path, rows):
     plate = {"lens.array.columns": 3, "lens.array.rows": rows, "lens.array.pitch": 25.0}
     system = small_system(tmp_path, plate | {"lens.thickness": 8.0})
     path = tmp_path / "staged.step"
-    assert failing(export_scene(system, system.lens, path, staged=True)) == []
+    assert failing(export_scene(system, system.base, path, staged=True)) == []
     *parts, screen = read_scene(path)
     sources = [part.pose.shift[:2].tolist() for part in parts if part.name.startswith("source ")]
-    assert sources == system.made(system.lens).places.tolist()
+    assert sources == system.made(system.base).places.tolist()
     assert screen.pose.shift[:2].tolist() == np.mean(sources, axis=0).tolist()

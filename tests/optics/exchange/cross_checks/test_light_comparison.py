@@ -109,7 +109,7 @@ def wrong_files(lens):
 def test_a_wrong_file_is_noticed(tmp_path, backend, tracer, wrong):
     """A plano-paraboloid with a radius or an index that is 1 % off, or turned around."""
     system = small_system(tmp_path)
-    found = compared(tmp_path, system, system.lens, wrong_files(system.lens)[wrong], tracer, backend)
+    found = compared(tmp_path, system, system.base, wrong_files(system.base)[wrong], tracer, backend)
     assert {"landing points, root mean square", "irradiance, relative"} <= set(failed(found, system))
     assert ("flux with another fate, relative" in failed(found, system)) == (wrong == "turned")
 
@@ -119,7 +119,7 @@ def test_other_light_is_noticed_by_counting_alone(tmp_path, backend, monkeypatch
     """The z-score compares with cells, and knows nothing of the same rays."""
     system = small_system(tmp_path)
     monkeypatch.setitem(RAYS, "mitsuba", 300_000)
-    found = compared(tmp_path, system, system.lens, wrong_files(system.lens)["turned"], "mitsuba", backend)
+    found = compared(tmp_path, system, system.base, wrong_files(system.base)["turned"], "mitsuba", backend)
     assert found.z > 20
     assert found.difference > 1.5 * found.noise
 

@@ -61,7 +61,7 @@ def test_random_rays_have_the_moments_of_the_design_rays(tmp_path, changes):
     np.testing.assert_allclose(np.linalg.norm(drawn.direction, axis=0), 1, rtol=0, atol=1e-14)
     (mean, spread), (wanted, _) = (
         moments(drawn),
-        moments(single_rays(system.source.rays((512, 512)), system.lens)),
+        moments(single_rays(system.source.rays((512, 512)), system.base)),
     )
     regular = 1e-4 * np.abs(wanted)  # of the regular set itself
     assert (np.abs(mean - wanted) <= 5 * spread / np.sqrt(COUNT) + regular).all()

@@ -17,7 +17,7 @@ from thbcad.surfaces import THBSurface
 
 def facts_of(path, changes=None):
     system = OpticalSystem(load_problem(path, changes or {}))
-    return SheetFacts(system, system.lens, "0" * 64, {"front": 0.0, "rear": 0.0}, None)
+    return SheetFacts(system, system.base, "0" * 64, {"front": 0.0, "rear": 0.0}, None)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_tolerances_of_an_element_bear_its_name():
     system = OpticalSystem(problem)
     row = {"L1.thickness": {"amount": 0.05, "allowed": 0.012}, "L1.index": {"amount": 5e-4, "allowed": None}}
     known = {"missed_by_the_design": [], "tolerances": row}
-    facts = SheetFacts(system, system.lens, "0" * 64, {"front": 0.0, "rear": 0.0}, known)
+    facts = SheetFacts(system, system.base, "0" * 64, {"front": 0.0, "rear": 0.0}, known)
     found = {one.name: (one.value, one.origin) for one in indications_of(facts, "cut", {})}
     assert found["thickness"] == ("6 mm +- 0.012 mm", "computed")
     assert found["index"][0].endswith("+- 0.0005")

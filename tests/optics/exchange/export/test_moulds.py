@@ -133,7 +133,7 @@ def dome(tmp_path):
 
     def stored(height=0.0, **keys):
         problem = load_problem(write_problem(tmp_path, DOME | keys))
-        lens = OpticalSystem(problem).lens
+        lens = OpticalSystem(problem).base
         sag = THBSurface(lens.rear.sag.space, rough(lens.rear.sag.space, height))
         store_result(tmp_path / "result", problem, lens.with_sags([sag]))
         return tmp_path / "result"

@@ -46,7 +46,7 @@ def make(problem_file):
             "target.half_width": [24.0, 20.0],
         }
         problem = load_problem(problem_file(smooth | (changes or {})))
-        lens = OpticalSystem(problem).lens
+        lens = OpticalSystem(problem).base
         return problem, lens.with_sags(
             [THBSurface(sag.space, rough(sag.space, 0.05, k)) for k, sag in enumerate(lens.sags)]
         )

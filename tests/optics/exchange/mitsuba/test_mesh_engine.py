@@ -44,7 +44,7 @@ def coarse(mi, monkeypatch):
 def models(folder, backend, changes, window, axes):
     """Return the exact model, that of the mesh, the lens and the numbers of pixels with margin."""
     system = small_system(folder, changes)
-    lens = system.lens
+    lens = system.base
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window, axes)
     pair = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)

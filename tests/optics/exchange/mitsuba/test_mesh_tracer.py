@@ -84,8 +84,8 @@ def test_far_field_and_flux(backend, lens, rays):
 def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_file):
     """On a paraboloid normals are linear but for the normalisation; landing errors of 1e-5 pixels remain."""
     system = OpticalSystem(load_problem(problem_file()))
-    image = mesh_model(system, system.lens, 129, 129).image(coefficients(system.lens))
-    exact = exact_image(backend, system, system.lens, (129, 129), WINDOW)
+    image = mesh_model(system, system.base, 129, 129).image(coefficients(system.base))
+    exact = exact_image(backend, system, system.base, (129, 129), WINDOW)
     assert image.shape == exact.shape
     assert np.linalg.norm(image - exact) < 5e-5 * np.linalg.norm(exact)
 
@@ -93,7 +93,7 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
 def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_file):
     """Both fall short of the exact ones by the interpolation of the normals, h^2."""
     problem = load_problem(problem_file({"lens.front.freeform": {"spans": [3, 3]}}))
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
     tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((97, 97)), target_z(problem))

@@ -28,7 +28,7 @@ CASES = {
 def models(folder, backend, changes, window, axes):
     """Return the exact model, the rendered one, the coefficients, and weights of pixels and lost light."""
     system = small_system(folder, changes)
-    lens = system.lens
+    lens = system.base
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.3, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window, axes)
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)

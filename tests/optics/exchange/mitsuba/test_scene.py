@@ -67,8 +67,8 @@ def make(problem_file, tmp_path):
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
         system = OpticalSystem(load_problem(problem_file(changes)))
-        sags = [THBSurface(sag.space, rough(sag.space, 0.3)) for sag in system.lens.sags]
-        return system, system.lens.with_sags(sags)
+        sags = [THBSurface(sag.space, rough(sag.space, 0.3)) for sag in system.base.sags]
+        return system, system.base.with_sags(sags)
 
     return build
 
@@ -174,7 +174,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend, chang
 def test_elements_and_sources_anywhere_make_our_light(tmp_path, backend, text):
     """8 x 8 blocks of 4 x 4 pixels: noise of about 1 %; ours has no light that is reflected twice."""
     system = OpticalSystem(load_text(tmp_path, text))
-    lens = system.lens
+    lens = system.base
     lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.15)) for sag in lens.sags])
     image = camera_irradiance(mitsuba_scene(system, LensMesh.uniform(lens, (65, 65))), spp=256)
     exact, _ = ray_irradiance(system, system.path(lens), system.target.screen(), backend)
@@ -225,7 +225,7 @@ def test_a_curved_screen_is_refused(tmp_path):
     curved = MIRROR.replace("[target]", '[target]\nsurface = "cylinder"\nradius = 90.0')
     system = OpticalSystem(load_text(tmp_path, curved))
     with pytest.raises(UserError, match=r"target\.surface"):
-        mitsuba_scene(system, LensMesh.uniform(system.lens, (5, 5)))
+        mitsuba_scene(system, LensMesh.uniform(system.base, (5, 5)))
 
 
 def test_the_camera_refuses_spectra(make):

@@ -51,7 +51,7 @@ def make(problem_file, tmp_path):
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
         system = OpticalSystem(load_problem(problem_file(changes)))
-        lens = system.lens.with_sags([THBSurface(s.space, rough(s.space, 0.1)) for s in system.lens.sags])
+        lens = system.base.with_sags([THBSurface(s.space, rough(s.space, 0.1)) for s in system.base.sags])
         out = tmp_path / "scene.xml"
         files = scene_files(system, lens, out)
         assert set(files) <= set(scene_file_names(system, out))
@@ -84,11 +84,11 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
 def test_elements_have_files_where_they_lie(mi, tmp_path):
     """Mitsuba reads the faces of both in the frame of the scene, as it has them of the scene in memory."""
     system = OpticalSystem(load_text(tmp_path, ROW))
-    files = scene_files(system, system.lens, tmp_path / "scene.xml")
+    files = scene_files(system, system.base, tmp_path / "scene.xml")
     assert set(files) <= set(scene_file_names(system, tmp_path / "scene.xml"))
     for path, data in files.items():
         path.write_bytes(data)
-    checks = scene_checks(system, system.lens, tmp_path / "scene.xml")
+    checks = scene_checks(system, system.base, tmp_path / "scene.xml")
     assert [check.name.split(",")[0][16:] for check in checks] == [
         "L1.front",
         "L1.rear",
@@ -96,7 +96,7 @@ def test_elements_have_files_where_they_lie(mi, tmp_path):
         "M1.rear",
     ]
     assert all(check.ok for check in checks)
-    given = mi.traverse(scene.mitsuba_scene(system, scene.LensMesh.uniform(system.lens, (65, 65))))
+    given = mi.traverse(scene.mitsuba_scene(system, scene.LensMesh.uniform(system.base, (65, 65))))
     read = mi.traverse(mi.load_file(str(tmp_path / "scene.xml"), optimize=False))
     for key in (
         "M1_front.vertex_positions",

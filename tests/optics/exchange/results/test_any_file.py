@@ -56,7 +56,7 @@ def test_a_checkpoint_that_was_cut_is_refused(problem, tmp_path, share):
 
 @pytest.fixture(scope="module")
 def result(problem, tmp_path_factory):
-    return store_result(tmp_path_factory.mktemp("result") / "out", problem, OpticalSystem(problem).lens)
+    return store_result(tmp_path_factory.mktemp("result") / "out", problem, OpticalSystem(problem).base)
 
 
 @examples(20)

@@ -30,7 +30,7 @@ def write_all(folder, problem, lens=None, figures=("figures/sag.png",), parts=()
     """Write a result with stand-ins for the solids and for what is claimed of them."""
     system = OpticalSystem(problem)
     writer = ResultWriter(folder, system)
-    writer.write_design(lens or system.lens, some_state().history)
+    writer.write_design(lens or system.base, some_state().history)
     steps = "lens.step", *parts
     for name in steps:
         writer.staged(name).write_text(f"solid of {problem.title}")
@@ -82,7 +82,7 @@ def other(problem_file, changes=None, image=None):
 def test_a_result_reads_back(folder, problem):
     result = folder.read()
     assert result.problem.lens == problem.lens
-    assert lens_to_dict(result.lens) == lens_to_dict(OpticalSystem(problem).lens)
+    assert lens_to_dict(result.lens) == lens_to_dict(OpticalSystem(problem).base)
     assert {k: result.record[k] for k in VERDICT} == VERDICT
 
 
@@ -106,7 +106,7 @@ def test_the_run_id_tells_problems_and_lenses_apart_but_not_folders(tmp_path, fo
         write_all(ResultFolder(path), problem, lens)
         return json.loads((path / "result.json").read_text())["run_id"]
 
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     mine = run_of(tmp_path / "a", problem)
     assert mine == run_of(tmp_path / "b", folder.read().problem) == folder.read().record["run_id"]
     assert mine != run_of(tmp_path / "c", other(problem_file, {"run.seed": 1}), lens)
@@ -139,7 +139,7 @@ def test_a_changed_problem_is_refused(folder, old, new):
 
 
 def test_a_changed_lens_is_refused(folder, problem):
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     write_lens(type(lens)(lens.front, lens.rear, 7.0, lens.index), folder.lens)
     with pytest.raises(UserError, match=r"holds no single result: lens\.json changed"):
         folder.read()
@@ -184,7 +184,7 @@ def test_a_folder_that_a_run_writes_to_is_not_read(folder):
 def test_the_stored_problem_brings_its_pictures(tmp_path, problem_file):
     write_glow(tmp_path)
     given = problem_file(GLOW)
-    folder = store_result(tmp_path / "out", load_problem(given), OpticalSystem(load_problem(given)).lens)
+    folder = store_result(tmp_path / "out", load_problem(given), OpticalSystem(load_problem(given)).base)
     light = OpticalSystem(load_problem(given)).source.profile.light
     for name in ("picture.png", "glow.png", "problem.toml"):
         (tmp_path / name).unlink()
@@ -247,7 +247,7 @@ def test_a_record_cannot_make_a_run_remove_other_files(folder, problem, tmp_path
 def test_a_name_that_no_result_has_is_not_written(folder, problem):
     system = OpticalSystem(problem)
     writer = ResultWriter(folder, system)
-    writer.write_design(system.lens, ())
+    writer.write_design(system.base, ())
     for name in ("../x.png", "notes.txt", "figures/other.png"):
         with pytest.raises(ValueError, match="is no file of a result"):
             writer.write(name, b"")

@@ -76,7 +76,7 @@ def written(folder, changes=None):
 def shaped(folder, changes=None, height=0.05):
     """Return (problem, lens): the small problem's lens with a rough sag over three levels."""
     problem = load_problem(write_problem(folder, changes))
-    base = OpticalSystem(problem).lens
+    base = OpticalSystem(problem).base
     space = base.rear.sag.space.refine({0: [(1, 1), (1, 2), (2, 2)]}).refine({1: [(2, 2), (3, 3), (4, 5)]})
     sags = [THBSurface(s, rough(s, height)) for s in [*(sag.space for sag in base.sags[:-1]), space]]
     return problem, base.with_sags(sags)

@@ -26,9 +26,9 @@ def system():
 
 def test_its_faces_are_face_and_back(system, tmp_path, backend):
     path = tmp_path / "lens.step"
-    export_step(designed_part(system, system.lens), "AP242", path)
+    export_step(designed_part(system, system.base), "AP242", path)
     assert read_step(path).face_names[:2] == ("face", "back")
     assert "refractive" not in path.read_text()
     file = StepFile(path)
-    assert failing(text_and_occt_checks(system, system.lens, file, backend)) == []
-    assert failing(verify(system, system.lens, file, backend)) == []
+    assert failing(text_and_occt_checks(system, system.base, file, backend)) == []
+    assert failing(verify(system, system.base, file, backend)) == []

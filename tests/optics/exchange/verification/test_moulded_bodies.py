@@ -46,8 +46,8 @@ def made(tmp_path):
 
     def exported(keys):
         system = small_system(tmp_path, keys)
-        space = system.lens.rear.sag.space
-        lens = system.lens.with_sags([THBSurface(space, rough(space, 0.02))])
+        space = system.base.rear.sag.space
+        lens = system.base.with_sags([THBSurface(space, rough(space, 0.02))])
         assert failing(export_step(designed_part(system, lens), "AP242", tmp_path / "lens.step")) == []
         return system, lens, tmp_path / "lens.step"
 

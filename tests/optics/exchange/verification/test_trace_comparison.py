@@ -22,8 +22,8 @@ from thbcad.surfaces import THBSurface
 
 def faces_of(system):
     """Return the faces of a system's lens, as a file has them."""
-    front, rear = placed_surfaces(system.lens)
-    return lens_faces(SimpleNamespace(front=front, rear=rear), system.path(system.lens), system.own_faces)
+    front, rear = placed_surfaces(system.base)
+    return lens_faces(SimpleNamespace(front=front, rear=rear), system.path(system.base), system.own_faces)
 
 
 @pytest.mark.parametrize("sigma", [0.05, 0.02, 0.01, 0.005])
@@ -42,7 +42,7 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
         subnormal.append(int((weak & (seen.flux > 0)).sum()))
         return replace(seen, flux=np.where(weak, 0.0, seen.flux))
 
-    seen = compared(system, system.lens, backend, (129, 129), flushing)
+    seen = compared(system, system.base, backend, (129, 129), flushing)
     assert seen.mismatched == 0
     assert seen.landing <= 1e-8
     assert (subnormal[0] > 0) == (sigma < 0.05)
@@ -59,7 +59,7 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
         flux[3] *= 1e-13
         return replace(seen, flux=flux)
 
-    assert compared(system, system.lens, backend, (9, 9), losing).mismatched == 4
+    assert compared(system, system.base, backend, (9, 9), losing).mismatched == 4
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         }
     )
     system = solvable_system(problem)
-    lens, path = system.lens, system.path(system.lens)
+    lens, path = system.base, system.path(system.base)
     write_step(lens, tmp_path / "lens.step")
     file = StepFile(tmp_path / "lens.step")
     landing = file_landing(system, lens, file.solid, file)
@@ -143,8 +143,8 @@ def test_independent_traces_go_along_a_row_of_elements(backend, name, coats):
     )
     system = OpticalSystem(problem)
     rng = np.random.default_rng(3)
-    rough = [THBSurface(s.space, rng.normal(0, 0.03, s.space.dim)) for s in system.lens.sags]
-    lens = system.lens.with_sags(rough)
+    rough = [THBSurface(s.space, rng.normal(0, 0.03, s.space.dim)) for s in system.base.sags]
+    lens = system.base.with_sags(rough)
     front, rear = placed_surfaces(lens)
     path = system.own_path(lens)
     own = lens_faces(SimpleNamespace(front=front, rear=rear), path, system.own_faces)

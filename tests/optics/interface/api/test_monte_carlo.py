@@ -36,8 +36,8 @@ def made(tmp_path_factory, backend):
     """A Monte Carlo whose numbers are made up, of a real lens."""
     folder = tmp_path_factory.mktemp("made")
     system = small_system(folder, {"target.pixels": [16, 16]})
-    (sag,) = system.lens.sags
-    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
+    (sag,) = system.base.sags
+    lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)
     zero = {t.name: 0.0 for t in tolerances_of(system)} | AMOUNTS
     budget = tolerance_budget(system, lens, target, backend, zero)

@@ -56,7 +56,7 @@ def stored(tmp_path):
 
     def made(changes=None, drop=()):
         problem = load_problem(write_problem(tmp_path, changes, drop=drop))
-        return store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+        return store_result(tmp_path / "result", problem, OpticalSystem(problem).base).path
 
     return made
 

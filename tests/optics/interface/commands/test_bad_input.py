@@ -49,7 +49,7 @@ def test_a_step_file_that_cannot_be_written_is_one_sentence(tmp_path, capsys, mo
 
     def designed(system, *arguments):
         (tmp_path / "out" / "lens.step").mkdir()
-        return system.lens, State(False, 0, system.lens.sags)
+        return system.base, State(False, 0, system.base.sags)
 
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", designed)
     problem = write_problem(tmp_path, QUICK | COARSE | {"target.pixels": [16, 16]})

@@ -112,7 +112,7 @@ def test_sources_without_extent_have_no_limit(problem_file, changes):
     assert (code, lines[-1], "bound" in data) == (0, NO_LIMIT, False)
     system = OpticalSystem(load_problem(file))
     assert etendue_notes(system) == ([], [])
-    assert reached_sentences(system, system.lens, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
+    assert reached_sentences(system, system.base, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
 
 
 def test_the_light_of_a_file_has_no_etendue_and_meets_a_face_by_name(problem_file, tmp_path):
@@ -177,7 +177,7 @@ def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_eten
     assert code == 0
     assert "one_blur" not in data
     system = OpticalSystem(load_problem(tmp_path / "mirror.toml"))
-    bound, light = universal_bound(system), measure(system, system.lens, system.backend)
+    bound, light = universal_bound(system), measure(system, system.base, system.backend)
     assert data["universal"]["on_target_w"] == bound.most_on_target
     assert data["universal"]["cap_over_sampled"] < 1.016
     assert 1 - 0.015 - 0.045 < light.metrics["efficiency"] / bound.most_on_target < 1 + 0.045
@@ -187,7 +187,7 @@ def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_eten
     assert any(line.startswith(said) for line in lines)
     allowed = bound.least_rel_l2(0.99 * bound.most_on_target)
     metrics = {"rel_l2_debiased": allowed, "efficiency": 0.99 * bound.most_on_target}
-    reached = reached_sentences(system, system.lens, metrics)
+    reached = reached_sentences(system, system.base, metrics)
     assert any("by etendue no mirror" in sentence for sentence in (*reached.limits, *reached.background))
     with pytest.raises(UserError, match=r"a model of one source and a lens on the axis .* leave out --out"):
         run(tmp_path / "mirror.toml", out=str(tmp_path / "bound.png"))
@@ -230,7 +230,7 @@ def test_a_design_below_the_universal_rung_is_doubted(hollow):
     wide = {"source.half_width": [4.0, 4.0], "source.distance": 7.0}
     system = OpticalSystem(load_problem(hollow(near | wide)))
     metrics = {"rel_l2_debiased": 0.01, "efficiency": 0.6}
-    every, curve, *_ = reached_sentences(system, system.lens, metrics).limits
+    every, curve, *_ = reached_sentences(system, system.base, metrics).limits
     assert "not within the envelope or was not measured well enough" in every
     assert "no light beyond 0." in curve
     lines = etendue_notes(system).limits

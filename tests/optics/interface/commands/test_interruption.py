@@ -250,7 +250,7 @@ def test_a_picture_that_changes_while_a_design_runs_ends_it(tmp_path, capsys, mo
 
     def shaped(system, *arguments):
         write_problem(tmp_path, QUICK, image=picture()[::-1].copy())
-        return system.lens, State(False, 0, system.lens.sags)
+        return system.base, State(False, 0, system.base.sags)
 
     monkeypatch.setattr("optics.interface.api.design_run.shape_lens", shaped)
     message = refused(capsys, "design", problem, "--out", tmp_path / "out", "-q")

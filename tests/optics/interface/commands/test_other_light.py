@@ -31,7 +31,7 @@ def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
     """Similarity has no window on two columns of pixels."""
     problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))
     system = OpticalSystem(problem)
-    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.lens))
+    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.base))
     done = run(capsys, "relight", "lens", "--source", "sun")
     assert (done.code, done.err) == (0, "")
     assert ["ssim", "-", "-"] in [line.split() for line in done.out.splitlines()]
@@ -44,7 +44,7 @@ def test_light_of_another_file_may_be_in_another_unit(capsys, tmp_path, monkeypa
     (tmp_path / "other").mkdir()
     lumens = write_problem(tmp_path / "other", {"source.unit": "lm", "source.half_width": [3.0, 3.0]})
     system = OpticalSystem(problem)
-    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.lens))
+    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.base))
     done = run(capsys, "relight", "lens", "--source", lumens)
     assert done.err == ""
     assert done.out.splitlines()[-1].startswith(f"{lumens}: ")

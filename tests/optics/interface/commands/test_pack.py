@@ -168,7 +168,7 @@ def test_what_its_people_do_gives_the_numbers_of_the_table(golden, packs, progra
     metrics = json.loads((golden.path / "metrics.json").read_text())
     assert float(table["efficiency"]["of the lens"]) == pytest.approx(metrics["efficiency"], rel=1e-8)
     assert float(table["rel_l2"]["of the lens"]) == pytest.approx(metrics["rel_l2"], rel=1e-8)
-    assert float(table["volume"]["of the lens"]) == pytest.approx(system.lens.volume(), rel=0.1)
+    assert float(table["volume"]["of the lens"]) == pytest.approx(system.base.volume(), rel=0.1)
     behind = rays_of(files[f"rays_behind{suffix}"], program)
     assert behind[2].sum() == pytest.approx(traced.flux.sum(), rel=1e-6)
     shares = (66.0 - behind[0][:, 2]) / behind[1][:, 2]

@@ -99,7 +99,7 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
     problem = Problem(
         source=beam, element=[mirror | {"reflectance": 0.8}], target=target | {"pixels": (8, 8)}
     )
-    folder = store_result(tmp_path / "result", problem, OpticalSystem(problem).lens).path
+    folder = store_result(tmp_path / "result", problem, OpticalSystem(problem).base).path
     done = run(capsys, "trace", folder, "--rays", 16)
     assert done.code == 0
     assert "0.800000 W        256 rays  meets the target" in done.out

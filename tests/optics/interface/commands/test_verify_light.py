@@ -19,8 +19,8 @@ def result(tmp_path):
     """A result folder with a solid."""
     problem = load_problem(write_problem(tmp_path))
     system = OpticalSystem(problem)
-    folder = store_result(tmp_path / "result", problem, system.lens)
-    write_step(system.lens, folder.step, system.product)
+    folder = store_result(tmp_path / "result", problem, system.base)
+    write_step(system.base, folder.step, system.product)
     return folder.path
 
 

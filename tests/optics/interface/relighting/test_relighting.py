@@ -98,7 +98,7 @@ def test_every_lens_of_a_row_has_its_index_at_another_wavelength(monkeypatch):
     system, seen = OpticalSystem(problem.with_(**auto)), []
     module = import_module("optics.interface.relighting.other_light")
     monkeypatch.setattr(module, "measure", lambda *given: seen.append(given))
-    relit(system, system.lens, replace(problem.source, wavelength=420.0), None)
+    relit(system, system.base, replace(problem.source, wavelength=420.0), None)
     ((moved, lens, _),) = seen
     wanted = index_at(system.problem.optics[0], 420.0, problem.source.wavelength)
     assert moved.path(lens).media[1].index == pytest.approx(wanted, rel=1e-12)
@@ -135,7 +135,7 @@ def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
     sun = other_source("sun", problem)
-    fates = relit(OpticalSystem(problem), optics.System(problem).optical.lens, sun, backend).metrics[
+    fates = relit(OpticalSystem(problem), optics.System(problem).optical.base, sun, backend).metrics[
         "fates_w"
     ]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
@@ -154,7 +154,7 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
     lamp, same = (other_source(f"{tmp_path}/lamp.ies{at}", problem) for at in ("", "@40mm"))
     assert lamp == same
     assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
-    lens = optics.System(problem).optical.lens
+    lens = optics.System(problem).optical.base
     fates = relit(OpticalSystem(problem), lens, lamp, load_backend("double")).metrics["fates_w"]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
@@ -176,7 +176,7 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
 )
 def test_other_words_are_one_sentence(tmp_path, words, sentence):
     problem = problem_of(tmp_path)
-    lens = optics.System(problem).optical.lens
+    lens = optics.System(problem).optical.base
     with pytest.raises(UserError, match=sentence):
         relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
 
@@ -204,7 +204,7 @@ def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path
         },
     )
     light = optics.System(problem)
-    measured = light.measure(light.optical.lens)
+    measured = light.measure(light.optical.base)
     x = (2 * np.arange(48) + 1) / 48 * 20 - 20
     row = measured.irradiance.sum(axis=0)
     variance = (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / 48) ** 2 / 12
@@ -227,7 +227,7 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
     backend = load_backend("double", 1)
     glass = {"lens.material": "N-BK7", "lens.absorption": "auto"}
     problem = load_problem(write_problem(tmp_path, glass, drop=("lens.index",)))
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     resolved = OpticalSystem(problem).problem  # as a result folder holds it
     red = replace(problem.source, wavelength=650.0)
     made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
@@ -244,7 +244,7 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
 def test_an_index_without_a_known_material_stays(tmp_path):
     backend = load_backend("double", 1)
     problem = problem_of(tmp_path)
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     red = relit(OpticalSystem(problem), lens, replace(problem.source, wavelength=650.0), backend)
     assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
     with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):

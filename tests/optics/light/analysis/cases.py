@@ -39,7 +39,7 @@ class Made:
 
     def __init__(self, folder, changes, backend, height=0.1):
         self.system, self.backend = small_system(folder, changes), backend
-        self.lens = roughened(self.system.lens, height)
+        self.lens = roughened(self.system.base, height)
         self.screen = self.system.target.screen()
 
     def light(self, *counts):

@@ -26,7 +26,7 @@ SUN = 0.2665  # degrees, half of its disk
 )
 def test_phase_space_at_the_source_reaches_as_far_as_its_light(tmp_path, backend, changes, angle):
     system = small_system(tmp_path, changes)
-    points = sections(system, system.lens, backend)["source"][0].points
+    points = sections(system, system.base, backend)["source"][0].points
     assert np.abs(points[3]).max() == pytest.approx(0.98 * np.sin(np.radians(angle)), rel=1e-3)
     assert points[3].min() == -points[3].max()
 
@@ -40,9 +40,9 @@ def loaded(folder, changes, sag=None):
     """Return the system and its lens with a sag, a function of the space."""
     system = small_system(folder, DOME | changes)
     if sag is None:
-        return system, system.lens
-    space = system.lens.rear.sag.space
-    return system, system.lens.with_sags([THBSurface(space, sag(space))])
+        return system, system.base
+    space = system.base.rear.sag.space
+    return system, system.base.with_sags([THBSurface(space, sag(space))])
 
 
 @pytest.mark.parametrize("half_angle", [90.0, 20.0])

@@ -19,7 +19,7 @@ GRID = {"half_width": (12, 12), "pixels": (24, 24), "lit": (1, 1)}
 
 def light_of(problem):
     system = OpticalSystem(problem)
-    return measure(system, system.lens, system.backend)
+    return measure(system, system.base, system.backend)
 
 
 def plate(name, half, z):

@@ -44,7 +44,7 @@ def test_a_plate_before_a_point_has_the_closed_form(backend, half_width, pixels,
     lens = {"index": INDEX, "thickness": THICKNESS}
     target = {"distance": BEHIND, "half_width": half_width, "pixels": pixels, "lit": (0.5, 0.5)}
     system = OpticalSystem(flat_problem(source, target, lens))
-    found = measure(system, system.lens, backend)
+    found = measure(system, system.base, backend)
     x, y = (h * ((2 * np.arange(FINE * n) + 1) / (FINE * n) - 1) for h, n in zip(half_width, pixels))
     expected = closed_form(np.hypot(x[None, :], y[:, None]))
     expected = expected.reshape(pixels[1], FINE, pixels[0], FINE).mean(axis=(1, 3)) * system.problem.flux

@@ -35,7 +35,7 @@ def blocks(image, side=8):
 def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
     theirs = optics.System(small_problem(tmp_path, LAMP))
     ours = of_file(lamp)
-    lens = theirs.optical.lens
+    lens = theirs.optical.base
     a, b = theirs.measure(lens), ours.measure(lens)
     assert b.metrics["estimator"] == "rays"
     assert b.metrics["efficiency"] == pytest.approx(

@@ -65,7 +65,7 @@ def test_the_light_of_a_point_behind_a_window_is_that_of_quadrature(tmp_path):
     system = lit(tmp_path, **WINDOW, **{"target.pixels": [24, 24]})
     assert system.problem.source.half_width == (0.0, 0.0)  # that of the file
     assert system.problem.source.flux == pytest.approx(light.flux, rel=1e-6)
-    found, fates, _ = sequential(system.optical, system.optical.lens, load_backend("double"), 724)
+    found, fates, _ = sequential(system.optical, system.optical.base, load_backend("double"), 724)
     fine = (np.arange(24 * 8) + 0.5) / (24 * 8) * 40 - 20
     x, y = np.meshgrid(fine, -fine)  # row 0 at +y
     wanted = through_window(light, x, y, 20.0, 6.0, 60.0, 1.5).reshape(24, 8, 24, 8).mean(axis=(1, 3))
@@ -80,7 +80,7 @@ def test_a_lambertian_file_lights_as_a_lambertian_area(tmp_path, profile):
     write_ies(lambertian(), tmp_path / "lamp.ies")
     ours = lit(tmp_path, **size, **NEAR)
     theirs = lit(tmp_path, **size, **NEAR, **{"source.kind": "lambertian", "source.file": ""})
-    a, b = (sequential(s.optical, s.optical.lens, load_backend("double"), 512) for s in (ours, theirs))
+    a, b = (sequential(s.optical, s.optical.base, load_backend("double"), 512) for s in (ours, theirs))
     assert a[1].on_target == pytest.approx(b[1].on_target, rel=3e-3)
     assert np.linalg.norm(a[0] - b[0]) < 0.04 * np.linalg.norm(b[0])  # 400 rays per pixel
 
@@ -93,7 +93,7 @@ def test_a_lambertian_file_lights_as_a_lambertian_area(tmp_path, profile):
 def test_fates_sum_to_the_flux(lamp, more):
     """Light of gamma beyond 90 degrees, which goes back, passes beside the lens."""
     system = lit(lamp, **{"source.flux": 3.0, "target.pixels": [12, 12]} | more)
-    path, screen = system.optical.path(system.optical.lens), system.optical.target.screen()
+    path, screen = system.optical.path(system.optical.base), system.optical.target.screen()
     _, fates = ray_irradiance(system.optical, path, screen, load_backend("double"))
     assert fates.total == pytest.approx(3.0, rel=1e-12)
     light = system.optical.source.directions.light
@@ -105,7 +105,7 @@ def test_fates_sum_to_the_flux(lamp, more):
 @pytest.mark.slow
 def test_turning_by_half_a_turn_about_z_turns_the_picture(lamp):
     a, b = (
-        sequential(s.optical, s.optical.lens, load_backend("double"), 512)[0]
+        sequential(s.optical, s.optical.base, load_backend("double"), 512)[0]
         for s in (lit(lamp, **COARSE), lit(lamp, **COARSE, **{"source.turn": [0.0, 0.0, 180.0]}))
     )
     np.testing.assert_allclose(b[::-1, ::-1], a, rtol=1e-9)

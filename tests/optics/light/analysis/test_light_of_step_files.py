@@ -91,7 +91,7 @@ def made(request, tmp_path_factory, backend):
     """Return system, lens, and its File."""
     folder = tmp_path_factory.mktemp("light")
     system = small_system(folder, POINT | LENSES[request.param])
-    lens = roughened(system.lens)
+    lens = roughened(system.base)
     (folder / "lens.step").write_bytes(step_bytes(system.solid(lens)))
     return system, lens, File(system, lens, folder / "lens.step", backend)
 

@@ -32,16 +32,16 @@ def parts(measurement, system):
 
 def prism(system):
     """Return the lens with a plane rear that is tilted by TILT in y."""
-    (sag,) = system.lens.sags
+    (sag,) = system.base.sags
     heights = sag.space.kv_v.greville() * TILT
-    return system.lens.with_sags([THBSurface(sag.space, np.tile(heights, sag.space.kv_u.dim))])
+    return system.base.with_sags([THBSurface(sag.space, np.tile(heights, sag.space.kv_u.dim))])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [GLOWING | TWO, DIVERGING], ids=["spectrum", "beam that diverges"])
 def test_the_error_of_light_beside_the_target_is_told(tmp_path, backend, changes):
     system = system_of(tmp_path, changes | {"target.half_width": [5.0, 5.0]})
-    metrics = measure(system, system.lens, backend).metrics
+    metrics = measure(system, system.base, backend).metrics
     assert metrics["stray"] > 0.1
     assert metrics["stray_error"] > 0
 
@@ -73,7 +73,7 @@ def test_a_prism_bends_each_wavelength_by_its_own_snells_law(tmp_path, backend):
 def test_all_wavelengths_are_summed(tmp_path, backend):
     """The irradiance and its fates are the weighted sums of those of single wavelengths."""
     system = system_of(tmp_path, TWO | {"lens.absorptions": [[400.0, 0.05], [700.0, 0.001]]})
-    whole = measure(system, system.lens, backend)
+    whole = measure(system, system.base, backend)
     image, fates = 0.0, {}
     for wavelength in system.wavelengths:
         one = alone(system, wavelength)
@@ -91,12 +91,12 @@ def test_a_picture_is_read_once_for_all_wavelengths(tmp_path, backend):
     system = system_of(tmp_path, TWO | {"source.profile": "image", "source.image": "picture.png"})
     _ = system.source.rays((4, 4)), system.target.light
     (tmp_path / "picture.png").unlink()
-    assert measure(system, system.lens, backend).metrics["efficiency"] > 0.5
+    assert measure(system, system.base, backend).metrics["efficiency"] > 0.5
 
 
 def test_the_design_wavelength_is_told_beside_all(tmp_path, backend):
     system = system_of(tmp_path, TWO)
-    metrics = measure(system, system.lens, backend).metrics
+    metrics = measure(system, system.base, backend).metrics
     single = OpticalSystem(system.problem.with_(**{"source.spectrum": []}))
     own = measure(single, single.lens, backend)
     assert own.colour is None
@@ -108,7 +108,7 @@ def test_the_design_wavelength_is_told_beside_all(tmp_path, backend):
 @pytest.mark.parametrize("name", ["A", "LED-B3"])
 def test_white_light_without_dispersion_is_white(tmp_path, backend, name):
     system = system_of(tmp_path, {"lens.indices": [[380.0, 1.5], [780.0, 1.5]], "source.spectrum": name})
-    measurement = measure(system, system.lens, backend)
+    measurement = measure(system, system.base, backend)
     white = white_of(spectral_lines(name))
     lit = measurement.irradiance > 1e-9
     shown = srgb(measurement.colour[:, lit] / measurement.irradiance[lit], white)
@@ -128,7 +128,7 @@ def test_white_light_without_dispersion_is_white(tmp_path, backend, name):
 def test_fates_of_all_wavelengths_sum_to_the_source_flux(tmp_path, backend, changes):
     wide = {"target.pixels": [8, 8], "lens.absorption": 0.01, "source.flux": 2.0}
     system = system_of(tmp_path, TWO | changes | wide)
-    measurement = measure(system, system.lens, backend)
+    measurement = measure(system, system.base, backend)
     metrics = measurement.metrics
     assert sum(metrics["fates_w"].values()) == pytest.approx(2, rel=1e-12)
     assert metrics["fates_w"]["absorbed"] > 0.05
@@ -139,7 +139,7 @@ def test_fates_of_all_wavelengths_sum_to_the_source_flux(tmp_path, backend, chan
 
 def test_light_that_nobody_sees_has_no_fringe(tmp_path, backend):
     system = system_of(tmp_path, {"lens.material": "PMMA", "source.spectrum": [[900.0, 1.0], [1000.0, 1.0]]})
-    metrics = measure(system, system.lens, backend).metrics
+    metrics = measure(system, system.base, backend).metrics
     assert metrics["colour"]["fringe"] is None
     assert metrics["colour"]["shift"] > 0
     assert metrics["efficiency"] > 0.9
@@ -147,7 +147,7 @@ def test_light_that_nobody_sees_has_no_fringe(tmp_path, backend):
 
 def test_one_line_is_measured_at_its_wavelength(tmp_path, backend):
     system = system_of(tmp_path, {"lens.material": "PC", "source.spectrum": [[650.0, 5.0]]})
-    lens = roughened(system.lens)
+    lens = roughened(system.base)
     red = alone(system, system.wavelengths[0])
     shaped = red.lens.with_sags(lens.sags)
     wanted = measure(red, shaped, backend).irradiance

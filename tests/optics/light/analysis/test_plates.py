@@ -46,7 +46,7 @@ def test_what_follows_one_lens_leaves_the_sum_of_a_plate_alone(pair, backend):
 
 
 def test_in_the_far_field_two_lenses_give_twice_the_light_of_one(pair, backend):
-    plate, one = (measure(system, system.lens, backend) for system in pair(FAR))
+    plate, one = (measure(system, system.base, backend) for system in pair(FAR))
     assert plate.irradiance == pytest.approx(2 * one.irradiance, rel=1e-12)
     assert plate.target == pytest.approx(2 * one.target, rel=1e-12)
     for name in ("rel_l2", "efficiency", "lit_efficiency", "stray"):
@@ -55,7 +55,7 @@ def test_in_the_far_field_two_lenses_give_twice_the_light_of_one(pair, backend):
 
 def test_on_a_plane_the_light_of_one_is_shifted_by_half_a_pitch_to_either_side_and_added(pair, backend):
     """Half a pitch is four pixels, and the light of one lens lies within."""
-    plate, one = (measure(system, system.lens, backend) for system in pair(NEAR))
+    plate, one = (measure(system, system.base, backend) for system in pair(NEAR))
     beside = np.pad(one.irradiance, ((0, 0), (4, 4)))
     assert one.irradiance[:, [*range(4), *range(-4, 0)]].max() == 0
     assert plate.irradiance == pytest.approx(beside[:, 8:] + beside[:, :-8], abs=1e-9 * one.irradiance.max())
@@ -82,7 +82,7 @@ def test_rays_for_other_programs_start_at_every_lens(pair, backend):
 
 @pytest.mark.slow
 def test_the_intensity_for_other_programs_is_that_of_all_sources(pair, backend):
-    plate, one = (outgoing_intensity(system, system.lens, backend, 4096, 10.0) for system in pair(FAR))
+    plate, one = (outgoing_intensity(system, system.base, backend, 4096, 10.0) for system in pair(FAR))
     assert plate.flux == pytest.approx(2 * one.flux, rel=TWICE)
     assert plate.luminaire.opening.size == (50.0, 25.0)
 

@@ -59,10 +59,10 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
     """The lens of Table 6.3 with a rough rear: pixel by pixel within the replicates' spread, and together."""
     problem = load_problem(EXAMPLES / "extended.toml").with_(**{"target.pixels": [32, 32]})
     system, backend = OpticalSystem(problem), load_backend("double")
-    space = system.lens.rear.sag.space
+    space = system.base.rear.sag.space
     for level in range(2):
         space = space.refine({level: space.cells[space.cells[:, 0] == level, 1:]})
-    lens = system.lens.with_sags([THBSurface(space, rough(space, 0.02))])
+    lens = system.base.with_sags([THBSurface(space, rough(space, 0.02))])
     screen, rng = system.target.screen(), np.random.default_rng(1)
 
     def replicates():

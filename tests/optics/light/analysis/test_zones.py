@@ -34,7 +34,7 @@ INTENSITY = LUMENS / (2 * pi * (1 - cos(radians(20)))) * 0.96**2  # cd, at norma
 def measured(folder, backend, zones, **changes):
     problem = load_problem(write_problem(folder, CONE), {"target.zone": zones, **changes})
     system = OpticalSystem(problem)
-    return system, measure(system, system.lens, backend)
+    return system, measure(system, system.base, backend)
 
 
 @pytest.mark.slow

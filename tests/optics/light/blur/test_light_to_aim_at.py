@@ -87,7 +87,7 @@ def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     assert system.goal.screen().pitch == pytest.approx(blurred.target.screen().pitch)
     light = system.goal.irradiance(system.goal.screen(), 2.0)
     assert light.sum() * system.goal.screen().pixel_area == pytest.approx(2.0)
-    assert aimed(system, system.lens, backend) is system
+    assert aimed(system, system.base, backend) is system
     plain = small_system(tmp_path)
     assert aimed(plain, plain.lens, backend) is plain
     assert plain.goal is plain.target

@@ -12,14 +12,14 @@ DIAGONAL = np.eye(2)
 
 def shifts_of(folder, changes, backend, bumps=0.0):
     system = small_system(folder, changes)
-    lens = roughened(system.lens, bumps)
+    lens = roughened(system.base, bumps)
     return landing_shifts(system, system.path(lens), backend), system, lens
 
 
 def test_behind_a_plate_angles_grow_to_lengths(tmp_path, backend):
     """A beam keeps its angles; the rear turns light by (n - 1) s, the front as much in the other sense."""
     shifts, system, _ = shifts_of(tmp_path, PLATE, backend)
-    length, n = 200.0, system.lens.index
+    length, n = 200.0, system.base.index
     np.testing.assert_allclose(shifts.beam, length * DIAGONAL, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(shifts.rear, length * (n - 1) * DIAGONAL, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(shifts.front, -length * (n - 1) * DIAGONAL, rtol=1e-6, atol=1e-6)

@@ -38,7 +38,7 @@ CASES = {
 
 def model_of(folder, changes, backend):
     system = small_system(folder, changes)
-    lens = roughened(system.lens, 0.05, count())
+    lens = roughened(system.base, 0.05, count())
     engine = BlurredEngine(ExactEngine(backend), blur_of(system, system.path(lens), backend))
     film = Film(system.target.screen(margin=4), (161, 161))
     return engine.model(system.shaping, lens, film), lens, system

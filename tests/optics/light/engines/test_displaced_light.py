@@ -26,9 +26,9 @@ LAMP |= {"source.half_angle": 15.0, "optimizer.window": "bspline"}
 def traced(folder, changes, backend):
     """Return the light of the models of all lenses and of one, and the system with its lens."""
     system = small_system(folder, changes)
-    lens = roughened(system.lens, 0.05, count())
+    lens = roughened(system.base, 0.05, count())
     engines = [ExactEngine(backend)]
-    for spread in reversed(spreads_of(system, system.path(system.lens), backend)):
+    for spread in reversed(spreads_of(system, system.path(system.base), backend)):
         engines.append(BlurredEngine(engines[-1], spread))
     film = Film(system.target.screen(margin=4), (161, 161))
     models = [engine.model(system.shaping, lens, film) for engine in (engines[-1], engines[0])]

@@ -19,7 +19,7 @@ BOTH_FREE = {"lens.front.freeform": {"spans": [3, 2], "z_freedom": 1.0}}
 def followed(folder, backend, changes, bounces=12):
     """Return (system, lens, all its branches, those within before the rear as rays)."""
     system = small_system(folder, SMALL | changes)
-    lens = roughened(system.lens, 0.2, count())
+    lens = roughened(system.base, 0.2, count())
     rays, path = system.own_rays(system.source.rays((48, 48)), lens), system.own_path(lens)
     area = TargetArea.of(path, system.target.screen().half_width)
     every = trace_nonsequential(backend, lens, rays, area, bounces, threshold=0.0)

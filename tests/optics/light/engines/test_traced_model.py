@@ -31,7 +31,7 @@ CASES = {
 
 def model_of(folder, backend, changes, window, axes=(), pixels=24, rays=(91, 87)):
     system = small_system(folder, changes)
-    lens = roughened(system.lens, 0.05, count())
+    lens = roughened(system.base, 0.05, count())
     film = Film(system.target.screen(48 // pixels, 3), rays, window, axes)
     return ExactEngine(backend).model(system, lens, film), [sag.coefficients for sag in lens.sags]
 

@@ -17,9 +17,9 @@ BOTH = (0, 1)
 
 def symmetric_lens(system, axes=BOTH, height=0.3):
     """Return the lens with rough sags that are their own mirror images in some directions."""
-    spaces = [sag.space for sag in system.lens.sags]
+    spaces = [sag.space for sag in system.base.sags]
     nets = [Mirrors(space, axes).of_coefficients(rough(space, height)) for space in spaces]
-    return system.lens.with_sags([THBSurface(*pair) for pair in zip(spaces, nets)])
+    return system.base.with_sags([THBSurface(*pair) for pair in zip(spaces, nets)])
 
 
 def system_of(folder, changes=()):

@@ -49,7 +49,7 @@ def test_light_that_a_screen_before_its_mirror_takes_is_in_no_file(backend):
     beam = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 50.0}
     problem = Problem(source=beam, element=(mirror,), target=screen | {"pixels": (16, 16)})
     system = OpticalSystem(problem)
-    rays = outgoing_rays(system, system.lens, backend, 40_000, "rear")
+    rays = outgoing_rays(system, system.base, backend, 40_000, "rear")
     shadow = (5 / 9.5) ** 2
     assert rays.total == pytest.approx(0.9 * (1 - shadow), rel=0.01)
 
@@ -59,7 +59,7 @@ def test_rays_of_a_row_start_on_its_last_face(tmp_path):
     problem = load_problem(ROOT / "examples" / "folded.toml", {"element.L1.rear.radius": 300.0})
     system = OpticalSystem(problem)
     mirror, target = (
-        outgoing_rays(system, system.lens, load_backend("double"), 1024, place)
+        outgoing_rays(system, system.base, load_backend("double"), 1024, place)
         for place in ("rear", "target")
     )
     own = pose_of(problem.optics[1]).inverse().points(mirror.position.T.astype(float))
@@ -73,14 +73,14 @@ def test_no_rays_start_in_the_far_field(tmp_path):
     far = {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}
     system = optics.System(small_problem(tmp_path, far))
     with pytest.raises(UserError, match="take --light rear"):
-        outgoing_rays(system.optical, system.optical.lens, load_backend("double"), 100, "target")
+        outgoing_rays(system.optical, system.optical.base, load_backend("double"), 100, "target")
 
 
 def test_rays_of_a_spectrum_have_all_its_wavelengths(tmp_path, backend):
     """Each with its share of the flux, bent by its own index."""
     colours = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 3]]}
     system = small_system(tmp_path, colours)
-    rays = outgoing_rays(system, system.lens, backend, 4096, "target")
+    rays = outgoing_rays(system, system.base, backend, 4096, "target")
     blue, red = (rays.wavelength < 500), (rays.wavelength > 600)
     lines = {round(w.nm): w.weight for w in system.wavelengths}
     assert {round(float(nm)) for nm in np.unique(rays.wavelength)} == set(lines)

@@ -115,7 +115,7 @@ def met_before(solid, starts, ends):
 @pytest.mark.parametrize("name", SCENES)
 def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, tmp_path):
     system = SCENES[name]()
-    lens = roughened(system.lens, 0.05)
+    lens = roughened(system.base, 0.05)
     rays, bare = beam(system, COUNT), system.path(lens)
     free = Tracer(backend, bare, rays)
     points = [rays.origin]
@@ -143,7 +143,7 @@ def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, t
 def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
     """A ray that leaves the face of a STEP file and first meets that very face, before its end."""
     system = SCENES[name]()
-    lens, rays, back = roughened(system.lens, 0.05), beam(system, COUNT), system.pose.inverse()
+    lens, rays, back = roughened(system.base, 0.05), beam(system, COUNT), system.pose.inverse()
     tracer = Tracer(backend, system.shaded_path(lens), rays)
     with backend.dr.suspend_grad():
         (hits,), landing = tracer.trace()
@@ -171,7 +171,7 @@ def test_a_screen_in_the_beam_takes_the_shadow_of_its_plate(backend):
     """Its corners in the plan tell the strip of the beam; all other light arrives."""
     system = SCENES["screen in the beam"]()
     cells = system.source.cells((48, 48))
-    _, fates = cell_irradiance(system.shaded_path(system.lens), system.target.screen(), cells, backend)
+    _, fates = cell_irradiance(system.shaded_path(system.base), system.target.screen(), cells, backend)
     pose = system.target.receiver.pose
     least = min(float(pose.points(np.array([0.0, y, z]))[1]) for y in (-20, 20) for z in (0, 0.02))
     assert fates.by_name["M1.face blocked"] == pytest.approx((20 - least) / 40, abs=1e-9)
@@ -185,7 +185,7 @@ def test_a_screen_before_a_plane_front_takes_its_own_area_of_a_beam(backend):
     faces = ["L1.front", "L1.rear:reflect", "L1.front"]
     system = OpticalSystem(system.problem.with_(path=[{"faces": faces}]))
     _, fates = cell_irradiance(
-        system.shaded_path(system.lens), system.target.screen(), system.source.cells((40, 40)), backend
+        system.shaded_path(system.base), system.target.screen(), system.source.cells((40, 40)), backend
     )
     assert fates.by_name["L1.front blocked"] == pytest.approx(4 * 5 * 4 / 40**2, abs=1e-9)
 
@@ -196,7 +196,7 @@ def test_a_body_behind_the_source_takes_nothing(backend):
     taken = []
     for distance in (30, 150):
         system = scene([mirror], (0, 0, -100), (180, 0, 0), half=(5, 4), distance=distance)
-        tracer = Tracer(backend, system.shaded_path(system.lens), system.source.rays((40, 40)))
+        tracer = Tracer(backend, system.shaded_path(system.base), system.source.rays((40, 40)))
         _, landing = tracer.trace()
         taken.append(tracer.fates(landing, (5, 4)).by_name.get("M1.face blocked", 0.0))
     assert taken == [0.0, pytest.approx(4 * 5 * 4 / 40**2, abs=2 * (5 + 4) / 40 / 40)]  # half a row of rays
@@ -207,7 +207,7 @@ def test_all_of_a_wide_beam_lights_a_mirror_beside_the_axis(backend):
     mirror = element("M1", (6, 0, 0), (5, 0, 0), (10, 10), free=True)
     system = scene([mirror], (0, 17.6, -100), (180, 0, 0), beam=(14, 14), distance=40)
     cells = system.source.cells((24, 24))
-    _, fates = cell_irradiance(system.shaded_path(system.lens), system.target.screen(), cells, backend)
+    _, fates = cell_irradiance(system.shaded_path(system.base), system.target.screen(), cells, backend)
     lit = 18 * 20 * np.cos(np.radians(5)) / 28**2
     # chords of the finest cells leave a part of theirs of the rim
     assert fates.by_name["M1.face missed"] == pytest.approx(1 - lit, abs=2 * 40 / 2000 / 28)
@@ -219,7 +219,7 @@ def test_bodies_that_no_light_meets_change_no_bit(backend):
         [element("M1", (0, 0, 0), (45, 0, 0), (30, 40), free=True)], (0, 60, 0), (-90, 0, 0), (30, 30)
     )
     cells, screen = system.source.cells((24, 24)), system.target.screen()
-    lens = roughened(system.lens, 0.05)
+    lens = roughened(system.base, 0.05)
     bare, shaded = (
         cell_irradiance(path, screen, cells, backend)
         for path in (system.path(lens), system.shaded_path(lens))
@@ -231,4 +231,4 @@ def test_bodies_that_no_light_meets_change_no_bit(backend):
 
 def test_a_lens_on_the_axis_has_no_body_in_its_way():
     system = OpticalSystem(flat_problem({"kind": "point", "half_angle": 20, "distance": 20}))
-    assert not system.shaded_path(system.lens).bodies
+    assert not system.shaded_path(system.base).bodies

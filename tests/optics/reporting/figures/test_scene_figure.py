@@ -111,14 +111,14 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
     target = {"kind": "tophat", "half_width": (20, 20), "pixels": (32, 32), **place}
     source = {"kind": "collimated", "half_width": (9, 9)}
     system = OpticalSystem(Problem(source=source, element=[element], target=target))
-    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
+    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
     middle, quarter = scene(np.array([system.target.receiver.points(u, u) for u in (0.0, 10.0)]).T).T
     light = np.full((32, 32), 0.5)
     light[16:, :16] = 1.0  # the scale is the same with and without what is looked for
     lit = light.copy()
     lit[:16, 16:] = 1.0
     dark, one, other = (
-        pixels(scene_view(system, system.lens, shown, ())).mean(axis=2) for shown in (0 * light, light, lit)
+        pixels(scene_view(system, system.base, shown, ())).mean(axis=2) for shown in (0 * light, light, lit)
     )
     whole, found = (np.argwhere(abs(a - b) > 50).mean(axis=0) for a, b in ((one, dark), (other, one)))
     (down, across), wanted = found - whole, quarter - middle

@@ -117,7 +117,7 @@ def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatc
 def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
     """The plane mirror's normal is n = (0, 1, -1) / sqrt 2; the plate, whose sag is zero, turns no ray."""
     system = glass_and_mirror()
-    sight = elements_sight(system, system.lens, backend)
+    sight = elements_sight(system, system.base, backend)
     normal, (start, ray) = np.array([0.0, 1.0, -1.0]) / np.sqrt(2), sight.before.astype(float)
     met = start + ((np.array([0, 0, 40.0]) - start.T) @ normal / (normal @ ray)) * ray
     mirrored = ray - 2 * normal[:, None] * (normal @ ray)

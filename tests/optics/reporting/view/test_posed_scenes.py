@@ -58,7 +58,7 @@ def separated(one, other):
 
 
 def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(system):
-    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
+    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
     assert separated(scene(scene.outlook), scene(scene.body))
     assert separated(scene(scene.outlook), scene(scene.source))
     (hx, hy), receiver = system.target.settings.half_width, system.target.receiver
@@ -69,7 +69,7 @@ def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(s
 
 
 def test_the_throw_alone_is_drawn_shorter(system):
-    scene = placed(system, system.lens, drawn_elements(system, system.lens, 21))
+    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
     for part in (scene.body, scene.source, scene.outlook):
         shift = scene(part) - scene.turn[:2] @ part
         np.testing.assert_allclose(shift, shift[:, :1] + 0 * shift, rtol=0, atol=1e-9)
@@ -78,7 +78,7 @@ def test_the_throw_alone_is_drawn_shorter(system):
 
 
 def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(system):
-    data = held(scene_page(system, system.lens, np.ones((8, 8)), []))
+    data = held(scene_page(system, system.base, np.ones((8, 8)), []))
     points, receiver = np.array(data["target"]["points"]).T, system.target.receiver
     along = np.broadcast_to(receiver.pose.rotation[:, 2:], points.shape)
     landed = receiver.land(points - along, along)
@@ -86,7 +86,7 @@ def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(syste
     hx, hy = system.target.settings.half_width
     u, v = np.meshgrid(np.linspace(-hx, hx, columns), np.linspace(-hy, hy, rows))
     np.testing.assert_allclose([landed.u, landed.v], [u.ravel(), v.ravel()], rtol=0, atol=1e-9)
-    hx, hy = system.lens.front.half_width
+    hx, hy = system.base.front.half_width
     corner = system.pose.points(np.array([-hx, -hy, 0.0]))
     np.testing.assert_allclose(corner_of(data, 0), corner, rtol=0, atol=1e-5)
 

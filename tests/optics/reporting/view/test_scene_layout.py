@@ -31,14 +31,14 @@ def test_every_source_is_drawn_at_its_place():
     lens = {"index": 1.5, "thickness": 6, "front": {"half_width": (12, 12)}, "rear": side}
     target = {"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)}
     system = OpticalSystem(Problem(source=sources, lens=lens, target=target))
-    scene = placed(system, system.lens, drawn_elements(system, system.lens))
+    scene = placed(system, system.base, drawn_elements(system, system.base))
     first, *others = (source.outline for source in scene.sources)
     assert box_of(first) == pytest.approx(np.array([[0.0, 2.0], [1.5, 2.5], [-30.0, -30.0]]), abs=1e-12)
     middles = {tuple(np.round(box_of(outline).mean(axis=1), 9) + 0.0) for outline in others}
     assert middles == {(0.0, y, z - 15.0) for y in (-3.0, 3.0) for z in (-4.0, 0.0, 4.0)}
     for outline in others:
         assert np.ptp(outline, axis=1) == pytest.approx([0.0, 1.0, 2.0], abs=1e-12)
-    assert [lamp.pose for lamp in photo_room(system, system.lens).lamps] == [s.pose for s in scene.sources]
+    assert [lamp.pose for lamp in photo_room(system, system.base).lamps] == [s.pose for s in scene.sources]
 
 
 @pytest.mark.parametrize("distance", [8.0, 60.0, 1000.0, 5e4, 1e7])

@@ -115,6 +115,6 @@ def designed(folder, changes=None, height=0.05):
     """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
     lens's figures."""
     problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
-    base = OpticalSystem(problem).lens
+    base = OpticalSystem(problem).base
     lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
     return problem, lens, manufacturability(lens, DENSITY)

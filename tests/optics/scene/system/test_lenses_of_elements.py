@@ -137,7 +137,7 @@ FREE_FRONT = {
 
 def test_the_rear_alone_is_free_by_default(tmp_path):
     problem = loaded(tmp_path)
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     assert lens.front.sag is None
     assert len(lens.sags) == 1
     assert freeforms(problem) == (problem.lens.rear.freeform,)
@@ -145,7 +145,7 @@ def test_the_rear_alone_is_free_by_default(tmp_path):
 
 def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
     problem = loaded(tmp_path, FREE_FRONT | {"lens.front.half_width": [10.0, 8.0]})
-    lens = OpticalSystem(problem).lens
+    lens = OpticalSystem(problem).base
     assert freeforms(problem) == (problem.lens.front.freeform, problem.lens.rear.freeform)
     assert lens.sags == (lens.front.sag, lens.rear.sag)
     for sag, degree, spans, half_width in (
@@ -159,7 +159,7 @@ def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
 
 
 def test_sags_are_put_back_where_they_belong(tmp_path):
-    lens = OpticalSystem(loaded(tmp_path, FREE_FRONT)).lens
+    lens = OpticalSystem(loaded(tmp_path, FREE_FRONT)).base
     lifted = [
         type(sag)(sag.space, np.full(sag.space.dim, value)) for sag, value in zip(lens.sags, (-0.25, 0.5))
     ]

@@ -40,7 +40,7 @@ def row(*elements, **more):
 
 def test_the_path_goes_over_all_elements_in_their_poses():
     system = OpticalSystem(row(LENS | {"position": (1, 2, 3), "tilt": (10, 0, 0)}, MIRROR))
-    path = system.path(system.lens)
+    path = system.path(system.base)
     assert [surface.name for surface in path.surfaces] == ["L1.front", "L1.rear", "M1.face"]
     assert path.media == (AIR, Medium(1.5), AIR, AIR)
     lens = Pose.tilted((1, 2, 3), (10, 0, 0))
@@ -48,7 +48,7 @@ def test_the_path_goes_over_all_elements_in_their_poses():
     for surface, pose in zip(path.surfaces, wanted):
         np.testing.assert_allclose(surface.pose.rotation, pose.rotation, rtol=0, atol=1e-15)
         np.testing.assert_allclose(surface.pose.shift, pose.shift, rtol=0, atol=1e-14)
-    assert path.surfaces[2].shape is system.lens.front
+    assert path.surfaces[2].shape is system.base.front
     assert path.surfaces[0].shape.conic.radius == 40
     assert path.throw == pytest.approx(80)
 
@@ -62,7 +62,7 @@ def test_what_passes_at_normal_incidence_is_what_a_trace_sends_on(front, rear, s
     lens = LENS | {"front": plane[0], "rear": plane[1]}
     mirror = MIRROR | {"reflectance": share, "face": MIRROR["face"] | {"radius": np.inf}}
     system = OpticalSystem(row(lens, mirror))
-    traced = transmitted_flux(system, system.backend, system.lens)
+    traced = transmitted_flux(system, system.backend, system.base)
     assert system.passing == pytest.approx(traced, rel=1e-12)
 
 
@@ -72,7 +72,7 @@ def test_a_face_that_light_meets_going_to_its_minus_z_is_turned_round():
     faces = ["L1.front", "L1.rear:reflect", "L1.front"]
     target = {"position": (0, 0, -50), "tilt": (180, 0, 0)}
     system = OpticalSystem(row(lens, path=({"faces": faces},), target=target))
-    inwards, inside, outwards = system.path(system.lens).surfaces
+    inwards, inside, outwards = system.path(system.base).surfaces
     assert inside.kind == "reflect"
     assert (inwards.name, outwards.name) == ("L1.front", "L1.front again")
     x, y = 3.0, 4.0

@@ -60,7 +60,7 @@ def test_skips_are_decided_by_the_problem(case):
 
 def test_the_tracer_leaves_out_what_is_listed(backend, case):
     problem, applying = case
-    lens, rays = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((16, 16))
+    lens, rays = OpticalSystem(problem).base, OpticalSystem(problem).source.rays((16, 16))
     tracer = tracer_to(backend, lens, rays, target_z(problem))
     hits, _ = tracer.trace([sag.coefficients for sag in lens.sags])
     assert isinstance(tracer._surfaces[1].hits, KnownHits) == ("meeting points" in applying)
@@ -78,7 +78,7 @@ def test_the_tracer_leaves_out_what_is_listed(backend, case):
 def test_known_meeting_points_change_nothing(backend, problem_file):
     """The one skip that takes another way: loss and gradient at a rough state keep to its tolerance."""
     problem = load_problem(problem_file())
-    lens, beam = OpticalSystem(problem).lens, OpticalSystem(problem).source.rays((65, 65))
+    lens, beam = OpticalSystem(problem).base, OpticalSystem(problem).source.rays((65, 65))
     c = [rough(lens.rear.sag.space)]
     screen = OpticalSystem(problem).target.screen()
     target = OpticalSystem(problem).target.irradiance(screen, 0.9)

@@ -20,7 +20,7 @@ def system_and_lens(folder, changes=None, bumps=0.0):
     """Return the system of the small problem with changes, and its lens with bumps on the sag, mm."""
     drop = ("source.half_width",) if changes and changes.get("source.kind") == "point" else ()
     system = small_system(folder, changes, drop=drop)
-    lens = system.lens
+    lens = system.base
     if bumps:
         (sag,) = lens.sags
         lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, bumps))])

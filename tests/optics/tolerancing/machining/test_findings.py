@@ -275,19 +275,19 @@ PLATE = {"lens.array.columns": 2, "lens.array.rows": 3, "lens.array.pitch": 25.0
 
 def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
     system = small_system(tmp_path, PLATE)
-    findings = tool_findings(system, system.lens, ToolOrder(), backend)
+    findings = tool_findings(system, system.base, ToolOrder(), backend)
     lines = tool_lines(findings)
     assert lines[0].startswith("this holds for each of the 6 lenses of the plate by itself")
     assert not any("walls" in line for line in lines)
     assert tool_data(findings)["lenses"] == 6
     with pytest.raises(UserError, match="this is a plate of lenses; take a ball"):
-        tool_findings(system, system.lens, ToolOrder(nose=0.5, feed=0.02), backend)
+        tool_findings(system, system.base, ToolOrder(nose=0.5, feed=0.02), backend)
 
 
 def test_the_walls_of_a_body_have_its_draft(backend):
     base = {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 1.0}
     system = example_system("dome", base)
-    findings = tool_findings(system, system.lens, ToolOrder(), backend)
+    findings = tool_findings(system, system.base, ToolOrder(), backend)
     assert (
         tool_lines(findings)[-1] == "the walls of the body have a draft of 3 degrees, as lens.body asks for"
     )

@@ -105,7 +105,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
 @pytest.mark.slow  # 20 traces each
 @pytest.mark.parametrize("noise", [1e-6, 2e-5])
 def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, noise: float) -> None:
-    lens = system.lens
+    lens = system.base
     (hx, hy) = lens.rear.half_width
     knots = [KnotVector.uniform(3, 160, -h, h) for h in (hx, hy)]
     exact = quasi_interpolate(THBSpace(*knots), lambda x, y: ripple(x, y))
@@ -124,7 +124,7 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
 @pytest.mark.slow
 def test_ripple_that_noise_hides_leaves_the_light_undecided(system, backend) -> None:
     """So much noise lets the fit be smooth, as if the lens were."""
-    lens, uniform = system.lens, {"min_over_mean": 0.9, "min_over_max": 0.8, "rsd": 0.02}
+    lens, uniform = system.base, {"min_over_mean": 0.9, "min_over_max": 0.8, "rsd": 0.02}
     same = dict.fromkeys((f"{name}_error" for name in uniform), 0.0)
     found = []
     for noise in (FINE, 0.05):
@@ -144,25 +144,25 @@ def test_ripple_that_noise_hides_leaves_the_light_undecided(system, backend) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["heights", "errors"])
 def test_points_beside_the_surface_are_left_out_of_the_count(system, backend, tmp_path, kind) -> None:
-    rear = system.lens.rear
+    rear = system.base.rear
     x, y = 1.25 * np.random.default_rng(3).uniform(-1, 1, (2, 400)) * np.reshape(rear.half_width, (2, 1))
     on = (np.abs(x) <= rear.half_width[0]) & (np.abs(y) <= rear.half_width[1])
     heights = np.where(on, rear(np.where(on, x, 0.0), np.where(on, y, 0.0)), 0.0)
     np.savetxt(tmp_path / "a.xyz", np.column_stack([x, y, heights if kind == "heights" else 0.0 * x]))
     points = read_measured(tmp_path / "a.xyz", rear, FileFrame(kind=kind))
-    built = light_as_built(system, system.lens, points, backend, "rear", correct=False)
+    built = light_as_built(system, system.base, points, backend, "rear", correct=False)
     data = as_built_data(built)
     assert (data["points"], data["beside"]) == (on.sum(), (~on).sum())
     assert as_built_lines(built)[0].startswith(f"{on.sum()} points of the rear; ")
 
 
 def test_other_words_are_refused(system, backend) -> None:
-    assert default_side(system.lens) == "rear"
+    assert default_side(system.base) == "rear"
     with pytest.raises(UserError, match="surface must be front or rear"):
-        surface_of(system.lens, "back")
+        surface_of(system.base, "back")
     with pytest.raises(UserError, match="align must be"):
         light_as_built(
-            system, system.lens, measured(system.lens.rear, 500), backend, "rear", way="three points"
+            system, system.base, measured(system.base.rear, 500), backend, "rear", way="three points"
         )
 
 
@@ -190,11 +190,11 @@ class RippleError:
 @pytest.mark.every(2)
 @pytest.mark.parametrize("side", ["front", "rear"])
 def test_the_light_of_a_made_lens_is_that_of_its_error_at_the_rays(system, backend, side: str) -> None:
-    designed = surface_of(system.lens, side)
+    designed = surface_of(system.base, side)
     made = made_surface(designed, by_datums(designed, measured(designed, 8000, FINE).points))
-    light = PerturbedLight(system, system.lens, backend)
+    light = PerturbedLight(system, system.base, backend)
     (before, _), (exact, _) = light(), light(Perturbation(**{f"{side}_error": RippleError()}))
-    after, _ = PerturbedLight(system, with_surface(system.lens, side, made.surface), backend)()
+    after, _ = PerturbedLight(system, with_surface(system.base, side, made.surface), backend)()
     assert np.linalg.norm(after - exact) < 0.02 * np.linalg.norm(exact - before)
 
 
@@ -204,7 +204,7 @@ SHIFT = 0.15  # mm
 @pytest.mark.slow  # 60 traces
 def test_a_decentred_lens_is_put_back(system: OpticalSystem, backend) -> None:
     """The light asked for is that of the same lens in another place, which is to be found."""
-    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.lens.sags])
+    lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.base.sags])
     wanted = Perturbation(lens_shift=(SHIFT, -SHIFT / 2, 0.0), lens_tilt=(0.0, 0.0, 0.01))
     target, _ = PerturbedLight(system, lens, backend)(wanted)
     found = rigid_correction(system, lens, target, backend)
@@ -219,7 +219,7 @@ def test_a_decentred_lens_is_put_back(system: OpticalSystem, backend) -> None:
 
 @pytest.mark.slow  # 13 traces
 def test_a_lens_that_stands_well_stays(system: OpticalSystem, backend) -> None:
-    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.lens.sags])
+    lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.base.sags])
     target, _ = PerturbedLight(system, lens, backend)()
     found = rigid_correction(system, lens, target, backend)
     assert found.after <= found.before < 1e-12
@@ -227,10 +227,10 @@ def test_a_lens_that_stands_well_stays(system: OpticalSystem, backend) -> None:
 
 
 def test_what_was_measured_must_make_a_lens(system, backend) -> None:
-    rear = system.lens.rear
+    rear = system.base.rear
     points = measured(rear, 2000).points + np.array([[0.0], [0.0], [-30.0]])
     with pytest.raises(UserError, match=r"no lens has the rear that was measured: .*cross"):
-        light_as_built(system, system.lens, MeasuredPoints(points), backend, "rear", correct=False)
+        light_as_built(system, system.base, MeasuredPoints(points), backend, "rear", correct=False)
 
 
 def test_a_surface_that_light_meets_from_behind_too_is_refused(backend) -> None:
@@ -244,6 +244,6 @@ def test_a_surface_that_light_meets_from_behind_too_is_refused(backend) -> None:
         | {"pixels": (16, 16)},
     )
     system = OpticalSystem(problem)
-    points = measured(system.lens.front, 500)
+    points = measured(system.base.front, 500)
     with pytest.raises(UserError, match=r"light meets L1.front from behind"):
-        light_as_built(system, system.lens, points, backend, "front", correct=False)
+        light_as_built(system, system.base, points, backend, "front", correct=False)

@@ -41,8 +41,8 @@ class Here:
 
 def model_of(folder, forms=(RIPPLES,)):
     system = small_system(folder, {"target.pixels": [24, 24]})
-    (sag,) = system.lens.sags
-    lens = system.lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
+    (sag,) = system.base.sags
+    lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)
     named = {"lens.decentre_x", "lens.decentre_y", "index"}
     tolerances = tuple(t for t in tolerances_of(system, AMOUNTS) if t.name in named)
@@ -150,7 +150,7 @@ def test_a_lens_whose_uniformity_is_not_known_is_undecided():
     source = {"kind": "lambertian", "half_width": (4.0, 4.0), "distance": 10.0, "half_angle": 8.0}
     system = OpticalSystem(flat_problem(source))
     target = system.target.irradiance(system.target.screen(), 1.0)
-    made = traced(ErrorModel(system, system.lens, target, ()), Draw((), 0)).made
+    made = traced(ErrorModel(system, system.base, target, ()), Draw((), 0)).made
     assert np.isnan(made)
 
 
@@ -230,12 +230,12 @@ def test_other_numbers_of_samples_are_refused(samples):
 def test_bad_forms_are_refused(tmp_path, surface, rms, words):
     system = small_system(tmp_path)
     with pytest.raises(UserError, match=words):
-        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.lens, 0)
+        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.base, 0)
 
 
 def test_a_form_lies_on_its_surface_alone(tmp_path):
     system = small_system(tmp_path, {"lens.front.half_width": [6.0, 4.0]})
-    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.lens, 3)
+    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.base, 3)
     assert drawn.rear_error is None
     x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))
     assert drawn.front_error.jet(x.ravel(), y.ravel())[0].std() == pytest.approx(1e-5, rel=0.05)

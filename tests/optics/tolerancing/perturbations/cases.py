@@ -39,8 +39,8 @@ class Bowl:
 def rough_system(folder, changes=None, height=0.02):
     """Return (system, lens) of the small problem with a rough rear."""
     system = small_system(folder, changes)
-    sags = [THBSurface(s.space, rough(s.space, height)) for s in system.lens.sags]
-    return system, system.lens.with_sags(sags)
+    sags = [THBSurface(s.space, rough(s.space, height)) for s in system.base.sags]
+    return system, system.base.with_sags(sags)
 
 
 def small_light(folder, backend, changes=None, height=0.02, per_pixel=None):

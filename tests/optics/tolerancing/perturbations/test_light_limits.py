@@ -36,7 +36,7 @@ def even_system(folder, changes=None):
     """Return a lens whose light is even where it lies: a plane plate in a beam that fills the lit pixels."""
     plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "target.half_width": [19.0, 19.0]}
     system = small_system(folder, TOPHAT | plate | (changes or {}))
-    return system, system.lens
+    return system, system.base
 
 
 def budget_of(system, lens, backend, limits=None, floats=False, **amounts):
@@ -357,7 +357,7 @@ def test_one_source_out_leaves_the_light_of_the_others(backend):
     """As `weight = 0` of that source does, but for its share of the flux, which is missing."""
     problem = load_problem(EXAMPLES / "two_sources.toml", {"target.pixels": [24, 24]})
     system = OpticalSystem(problem)
-    budget = budget_of(system, system.lens, backend, **{"target.decentre_x": 0.2})
+    budget = budget_of(system, system.base, backend, **{"target.decentre_x": 0.2})
     alone = OpticalSystem(problem.with_(**{"source.others.right.weight": 0.0}))
     lit = budget_of(alone, alone.lens, backend, **{"target.decentre_x": 0.2}).light
     without = budget.outages[1]

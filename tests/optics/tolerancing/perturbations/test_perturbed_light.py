@@ -373,7 +373,7 @@ def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
             target={"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)},
         )
         system = solvable_system(problem)
-        parts = PerturbedParts.of(system, system.lens, Perturbation(source_size=0.1))
+        parts = PerturbedParts.of(system, system.base, Perturbation(source_size=0.1))
         rays = parts.cells(system.source.cells((4, 4))).rays()
         rays = rays if isinstance(rays, Rays) else rays.rays(-30.0)
         spans.append(np.array([rays.origin[0].min(), rays.origin[0].max()]))

@@ -48,8 +48,8 @@ def row(*elements, height=0.02, **more):
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
     problem = Problem(source=source, element=elements, target=TARGET | more.pop("target", {}), **more)
     system = OpticalSystem(problem)
-    spaces = [sag.space for sag in system.sags(system.lens)]
-    return system.with_sags(system.lens, [THBSurface(space, rough(space, height)) for space in spaces])
+    spaces = [sag.space for sag in system.sags(system.base)]
+    return system.with_sags(system.base, [THBSurface(space, rough(space, height)) for space in spaces])
 
 
 def posed(own, errors):
