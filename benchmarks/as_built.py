@@ -77,7 +77,7 @@ def rows() -> list[Row]:
     design = optics.design(load_problem(PEARL))
     backend = load_backend("double", design.problem.run.threads)
     true, found = _true_lens(design, backend)
-    light = measure(design.system, true, backend)
+    light = measure(design.system.with_lens(true), backend)
     goal = light.metrics["rel_l2"]
     found.append(
         Row(
@@ -107,8 +107,8 @@ def _true_lens(design: optics.Design, backend: Backend) -> tuple[Lens, list[Row]
     true = design.lens.with_rear(rear.with_sag(THBSurface(space, sag + added.coefficients)))
     x, y = _places(rear, 20_000, seed=1)
     apart = np.stack([true.rear(x, y, d) - rear(x, y, d) for d in ((0, 0), (1, 0), (0, 1))]) - waves.jet(x, y)
-    plain, _ = PerturbedLight(design.system, design.lens, backend)(Perturbation(rear_error=waves))
-    refit, _ = PerturbedLight(design.system, true, backend)(NOMINAL)
+    plain, _ = PerturbedLight(design.system, backend)(Perturbation(rear_error=waves))
+    refit, _ = PerturbedLight(design.system.with_lens(true), backend)(NOMINAL)
     return true, [
         Row("true lens: greatest distance from the waves", float(np.abs(apart[0]).max()) / NM, "nm"),
         Row(
@@ -171,7 +171,12 @@ def _recovered(design: optics.Design, backend: Backend, noise: float, true: Meas
 
 def _built(design: optics.Design, backend: Backend, measured: MeasuredPoints) -> AsBuilt:
     return light_as_built(
-        design.system, design.lens, measured, backend, "rear", nominal=design.measurement, correct=False
+        design.system,
+        measured,
+        backend,
+        "rear",
+        nominal=design.measurement,
+        correct=False,
     )
 
 

@@ -29,7 +29,7 @@ from optics.exchange.verification import (
     verify,
 )
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidFile, brep_bytes, iges_bytes, part_step, read_brep, read_iges, step_bytes
 from thbcad.cad.shapes import lens_part
@@ -63,12 +63,12 @@ class Trip:
 def rows() -> list[Row]:
     """Return the measured rows."""
     found = []
-    system, backend = OpticalSystem(load_problem(PROBLEM)), load_backend("double", 2)
+    system, backend = System(load_problem(PROBLEM)), load_backend("double", 2)
     with TemporaryDirectory() as folder:
-        step_trip(system, rough_lens(19), backend, Path(folder))  # loads and compiles
+        step_trip(system.with_lens(rough_lens(19)), backend, Path(folder))  # loads and compiles
         for poles in MEGABYTES:
             lens = rough_lens(poles)
-            trip = step_trip(system, lens, backend, Path(folder))
+            trip = step_trip(system.with_lens(lens), backend, Path(folder))
             found += [*_time_rows(poles, trip), *_step_rows(poles, lens, trip), *_check_rows(poles, trip)]
             found += [*_other_rows(poles, lens, Path(folder)), _mesh_row(poles, lens, Path(folder))]
     return [*found, _quarter_row()]
@@ -85,7 +85,7 @@ def rough_lens(poles: int) -> Lens:
     return _lens(THBSurface(THBSpace(kv, kv), RELIEF * (heights / np.abs(heights).max()).ravel()))
 
 
-def step_trip(system: OpticalSystem, lens: Lens, backend: Backend, folder: Path) -> Trip:
+def step_trip(system: System, backend: Backend, folder: Path) -> Trip:
     """Build, write, read and verify a lens as `thbcad verify` does, by optiland too where it is installed."""
     seconds, path = {}, folder / "lens.step"
 
@@ -95,20 +95,18 @@ def step_trip(system: OpticalSystem, lens: Lens, backend: Backend, folder: Path)
         seconds[name] = perf_counter() - start
         return result
 
-    part = timed("build the solid", lambda: lens_part(lens))
+    part = timed("build the solid", lambda: lens_part(system.designed))
     timed("write the STEP file", lambda: path.write_bytes(part_step(part, system.product)))
     file = StepFile(path)
     timed("read its text", lambda: file.text)
     read = timed("read it with OCCT", lambda: file.solid)
     checks = timed(
         "compare text, OCCT's rays, volume and area with the lens",
-        lambda: text_and_occt_checks(system, lens, file, backend),
+        lambda: text_and_occt_checks(system, file, backend),
     )
-    checks += timed(
-        "verify solid, poles, landing points, irradiance", lambda: verify(system, lens, file, backend)
-    )
+    checks += timed("verify solid, poles, landing points, irradiance", lambda: verify(system, file, backend))
     if optiland_available():
-        checks += timed(OPTILAND, lambda: optiland_checks(system, lens, file))
+        checks += timed(OPTILAND, lambda: optiland_checks(system, file))
     return Trip(read, seconds, checks, path.stat().st_size / 1e6)
 
 

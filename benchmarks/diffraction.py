@@ -17,7 +17,7 @@ from benchmarks.rows.row import Row
 from optics.designing.prediction import diffraction, in_waves
 from optics.designing.transport import transport_map
 from optics.light.analysis import rel_l2
-from optics.scene.system import OpticalSystem, load_system
+from optics.scene.system import System, load_system
 from oracles.wave_light import picture_in_waves, row_in_waves
 
 Floats = NDArray[np.float64]
@@ -45,7 +45,7 @@ def rows() -> list[Row]:
     return [*lines, *far, *(_of_picture(name, systems[name]) for name in SMALL)]
 
 
-def _of_lines(name: str, system: OpticalSystem) -> Iterator[Row]:
+def _of_lines(name: str, system: System) -> Iterator[Row]:
     """Yield the rows of a square target before a square beam."""
     problem, screen = system.problem, system.target.screen()
     picture, (pixel, _) = system.target.irradiance(screen, 1.0), screen.pitch
@@ -73,7 +73,7 @@ def _of_lines(name: str, system: OpticalSystem) -> Iterator[Row]:
     yield replace(_whole(name, system), name="  of the picture, by the estimate")
 
 
-def _whole(name: str, system: OpticalSystem) -> Row:
+def _whole(name: str, system: System) -> Row:
     """Return what the estimate says of a whole picture: that of `thbcad check`."""
     problem = system.problem
     halves = dict.fromkeys(problem.face_names, problem.source.half_width)
@@ -84,7 +84,7 @@ def _whole(name: str, system: OpticalSystem) -> Row:
     return Row(title, found.rel_l2, quantity=PERFECT, estimator="estimate")
 
 
-def _of_picture(name: str, system: OpticalSystem) -> Row:
+def _of_picture(name: str, system: System) -> Row:
     """Return how a picture of few pixels compares with waves in two dimensions."""
     picture = system.target.irradiance(replace(system.target.screen(), pixels=(PIXELS, PIXELS)), 1.0)
     picture = np.maximum(picture, GREY * picture.max())[::-1].T  # x first

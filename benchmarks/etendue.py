@@ -141,7 +141,7 @@ def _one_blur() -> list[Row]:
         usual = usual_efficiency(system)
         for form, care in (("source's", FIXED), ("any", SEARCH)):
             start = process_time()
-            images = one_blur(system, system.base, usual, care, any_form=form == "any").bound
+            images = one_blur(system.unshaped, usual, care, any_form=form == "any").bound
             found += [
                 Row(
                     f"one blur in {form} proportions, {name}",

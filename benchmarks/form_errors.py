@@ -60,9 +60,7 @@ def rows() -> list[Row]:
 
 def _of_design(design: Design, backend: Backend) -> list[Row]:
     """Return the rows of a design, whose folder is still there."""
-    formulas = {
-        side: local_formula_of(design.system, design.lens, side, backend, CELLS) for side in ("rear", "front")
-    }
+    formulas = {side: local_formula_of(design.system, side, backend, CELLS) for side in ("rear", "front")}
     rear = formulas["rear"]
     return [
         *(row for side, formula in formulas.items() for row in _by_period(side, formula)),
@@ -151,7 +149,7 @@ def _mtf(formula: LocalFormula) -> list[Row]:
 def _allowed(design: Design, backend: Backend) -> list[Row]:
     """Return what each band may have, the formula beside the probes, and the rise that this brings."""
     start = perf_counter()
-    errors = form_errors_of(design.system, design.lens, backend, RISE)
+    errors = form_errors_of(design.system, backend, RISE)
     out = [Row("all bands of front and rear: time", perf_counter() - start, "s")]
     for cost in errors.sides:
         for band in cost.bands:

@@ -32,7 +32,7 @@ from optics.base.runtime import UserError
 from optics.exchange.assemblies import placed_text
 from optics.exchange.export import Body
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Conic, FreeformSurface, KnotVector, Lens, THBSpace, THBSurface
 from thbcad.cad.exchange import SolidState, part_step, step_shape
 from thbcad.cad.shapes import Part, lens_part
@@ -193,7 +193,7 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
 def _bodies() -> Iterator[tuple[str, Part]]:
     """Yield (name, solid) of every example with random heights, of conic fronts, and of cut bodies."""
     for file in sorted(EXAMPLES.glob("*.toml")):
-        yield file.stem, lens_part(_rough(OpticalSystem(load_problem(file)).base))
+        yield file.stem, lens_part(_rough(System(load_problem(file)).base))
     rough = rough_lens(227)
     yield "227^2 poles", lens_part(rough)
     for name, body in BODIES.items():

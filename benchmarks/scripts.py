@@ -95,13 +95,13 @@ def _seconds(call: Callable[[], object]) -> float:
 
 def _objective(system: optics.System, space: THBSpace) -> Objective:
     """Return the objective of a design's level, put together by hand."""
-    optical, run = system.optical, system.problem.run
+    optical, run = system, system.problem.run
     backend = load_backend(run.precision, run.threads)
     film = Film(optical.target.screen(margin=MARGIN), RAYS, window_named(system.problem, WINDOW))
     lens = optical.base.with_sags([THBSurface(space, np.zeros(space.dim))])
-    light = ExactEngine(backend).model(optical, lens, film)
+    light = ExactEngine(backend).model(optical.with_lens(lens), film)
     target = optical.target.irradiance(optical.target.screen(), transmitted_flux(optical, backend))
-    return penalised_objective(optical, lens, light, target)
+    return penalised_objective(optical.with_lens(lens), light, target)
 
 
 def _gradient(system: optics.System) -> list[Row]:

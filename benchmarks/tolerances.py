@@ -49,7 +49,7 @@ def rows() -> list[Row]:
 
 def _pearl_rows(design: Design, backend: Backend) -> list[Row]:
     system, target = design.system, design.measurement.target
-    light = PerturbedLight(system, design.lens, backend)
+    light = PerturbedLight(system.with_lens(design.lens), backend)
     linear = LinearLight(light)
     own, measured = rel_l2(linear.irradiance, target), design.metrics["rel_l2_sequential"]
     error = abs(own - measured)
@@ -74,7 +74,7 @@ def _pearl_rows(design: Design, backend: Backend) -> list[Row]:
 
 def _folded_rows(design: Design, backend: Backend) -> Iterator[Row]:
     """Yield the rows of a lens before a plane mirror, each element by itself."""
-    light = PerturbedLight(design.system, design.lens, backend)
+    light = PerturbedLight(design.system, backend)
     linear = LinearLight(light)
     for tolerance in tolerances_of(design.system):
         yield _prediction_row(tolerance, light, linear, "folded")
@@ -105,7 +105,7 @@ def _slides(light: PerturbedLight, linear: LinearLight, tolerance: Tolerance) ->
 
 def _fine_rows(usual: PerturbedLight, sliding: Sequence[Tolerance]) -> Iterator[Row]:
     """Yield predictions beside exact traces of other cells, which are as many as such changes ask for."""
-    light = PerturbedLight(usual.system, usual.lens, load_backend("double", 2), FINE)
+    light = PerturbedLight(usual.system, load_backend("double", 2), FINE)
     linear = LinearLight(light)
     for tolerance in sliding:
         p = _moving(light, tolerance, TENTH)
@@ -170,7 +170,7 @@ def _times(light: PerturbedLight, chosen: tuple[Tolerance, ...]) -> Iterator[Row
     yield Row(
         "pearl: one exact trace, tilted lens, 1 thread", 1e3 * median_seconds(lambda: light(tilt), 5), "ms"
     )
-    both = PerturbedLight(light.system, light.lens, load_backend("double", 2))
+    both = PerturbedLight(light.system, load_backend("double", 2))
     fresh, start = np.random.default_rng(2), perf_counter()
     for _ in range(TIMED):
         both(sum((t.at(fresh.uniform(-1, 1) * t.amount) for t in chosen), Perturbation()))

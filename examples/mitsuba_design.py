@@ -12,7 +12,7 @@ from pathlib import Path
 
 from optics.exchange.mitsuba import exact_integrator, load_mitsuba
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PIXELS, RAYS_PER_PIXEL, STEPS = 64, 9, 10
 RATE = 0.1  # mm per step
@@ -26,10 +26,10 @@ def main() -> list[float]:
     import drjit as dr
 
     problem = load_problem(Path(__file__).with_name("tophat_circle.toml"))
-    system = OpticalSystem(replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS))))
+    system = System(replace(problem, target=replace(problem.target, pixels=(PIXELS, PIXELS))))
     film = {"type": "hdrfilm", "width": PIXELS, "height": PIXELS, "pixel_format": "luminance"}
     sensor = {"type": "perspective", "film": film}  # only its size counts
-    integrator = exact_integrator(system, system.base)
+    integrator = exact_integrator(system)
     scene = mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor})
     parameters = mi.traverse(scene)
     wanted = system.target.irradiance(system.target.screen(), TRANSMITTED)

@@ -23,7 +23,7 @@ NODES = 6  # of Gauss's rule over a pixel, each way
 
 def sampled_lenses(system, samples=SAMPLES):
     """Return the corners of the hull of 4 samples^2 points of all lenses, (n, 3) mm."""
-    lens, freeforms, at = system.lens, system.problem.lens.free, np.linspace(-1, 1, samples)
+    lens, freeforms, at = system.base, system.problem.lens.free, np.linspace(-1, 1, samples)
     points = []
     for side, vertex in (("front", 0.0), ("rear", lens.thickness)):
         surface = getattr(lens, side)

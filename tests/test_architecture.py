@@ -192,7 +192,7 @@ def test_modules_import_each_other_in_no_cycle():
 
 
 def test_no_function_takes_a_problem_and_its_light_apart():
-    """An `OpticalSystem` holds both."""
+    """An `System` holds both."""
     functions = [
         (name(path), node)
         for path in FILES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import Point, exponent, observed_order, seconds_at, slope_of_fit, worst_difference
 from oracles.ray_samplings import grid_points, jittered_points, random_points, sampled_rays, sobol_points
 from tests.cases import ROOT
@@ -61,7 +61,7 @@ def test_rays_fill_the_source_and_carry_its_flux(sample, example):
     """The mean of u^2 over [-1, 1] is 1/3; of 4096 independent points it deviates by (4/45 / 4096)^(1/2) =
     0.0047; 5 of these."""
     problem = load_problem(ROOT / "examples" / f"{example}.toml")
-    rays = sampled_rays(problem.source, OpticalSystem(problem).base, sample, 4096)
+    rays = sampled_rays(problem.source, System(problem).base, sample, 4096)
     assert rays.total == pytest.approx(problem.source.flux, rel=1e-12)
     for row, half in zip(rays.origin, problem.source.half_width):
         assert np.abs(row).max() < half

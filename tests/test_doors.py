@@ -45,7 +45,8 @@ def test_type_checkers_see_the_names_that_users_meet():
     """A door imports its own files alone, and `X as X` what users meet: type checkers offer no other name."""
     shown = names_on_pages()
     for path in DOORS:
-        public = any(call.keywords for call in calls(path, "lazy_door"))
+        words = {word.arg for call in calls(path, "lazy_door") for word in call.keywords}
+        public = "public" in words
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and node.module != "thbcad.doors":
                 assert node.level == 1 or node.module.startswith(module_of(path) + "."), name(path)
@@ -99,6 +100,16 @@ def test_unknown_names_are_attribute_errors():
         _ = thbcad.Mesh
     with pytest.raises(ImportError, match="Mesh"):
         exec("from thbcad import Mesh")
+
+
+def test_a_renamed_class_still_loads_by_its_old_name_and_the_warning_says_the_new_one():
+    import optics.scene.system as door
+
+    with pytest.warns(
+        DeprecationWarning, match="OpticalSystem is deprecated: use optics.scene.system.System"
+    ):
+        assert door.OpticalSystem is door.System
+    assert "OpticalSystem" not in dir(door)
 
 
 def test_a_stand_in_is_what_it_stands_for_once_that_can_be_imported():

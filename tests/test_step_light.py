@@ -9,7 +9,7 @@ import pytest
 from optics.base.runtime import load_backend
 from optics.light.analysis import cell_irradiance
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles import step_light
 from oracles.error_measures import relative
 from oracles.exact_cells import area_within, signed_area
@@ -28,7 +28,7 @@ def system():
         "lens.rear.freeform.spans": [5, 5],
         "lens.rear.freeform.max_level": 1,
     }
-    return OpticalSystem(load_problem(EXAMPLES / "pearl.toml").with_(**changes))
+    return System(load_problem(EXAMPLES / "pearl.toml").with_(**changes))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_the_light_of_the_text_is_that_of_mapped_cells(lens, system, tmp_path):
     """Both errors fall with the cells' size squared: left is a third of what doubling them changes."""
     backend, screen = load_backend("double", 1), system.target.screen()
     text = images(lens, system, tmp_path / "lens.step")
-    path, source = system.path(lens), system.source
+    path, source = system.with_lens(lens).path, system.source
     cells = [cell_irradiance(path, screen, source.cells((n, n)), backend)[0] for n in COUNTS]
     left = [relative(*pair) / 3 for pair in (text, cells)]
     assert max(left) < 0.01
@@ -75,7 +75,7 @@ def test_a_quadrilateral_lights_pixels_by_its_exact_area():
 def test_a_lens_that_bends_the_beam_before_its_rear_is_refused(lens, system, tmp_path):
     other = system.problem.with_(**{"lens.front.radius": 200.0, "lens.front.conic": -1.0})
     with pytest.raises(ValueError, match="a plane front"):
-        images(OpticalSystem(other).base, system, tmp_path / "lens.step", (8,))
+        images(System(other).base, system, tmp_path / "lens.step", (8,))
 
 
 def test_it_shares_no_code_with_what_it_checks():

@@ -9,7 +9,8 @@ import ctypes
 import platform
 import re
 import sys
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
@@ -62,7 +63,7 @@ class MissingPackage(ImportError):
 
 
 def lazy_door(
-    package: str, path: str, public: bool = False
+    package: str, path: str, public: bool = False, renamed: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package that offers names of its files (PEP 562).
 
@@ -73,10 +74,15 @@ def lazy_door(
     package, path : its `__name__` and `__file__`.  A name is kept in the package once it is loaded.  A name
         whose file needs a package of an extra is a MissingPackage where that is missing.
     public : users look into it: a name whose file cannot be imported is a `stand_in`.
+    renamed : deprecated names and the new ones.  An old name still loads, with a DeprecationWarning.
     """
     homes = _homes(Path(path), package)
 
     def load(name: str) -> Any:
+        if renamed and name in renamed:
+            sentence = f"{package}.{name} is deprecated: use {package}.{renamed[name]}"
+            warnings.warn(sentence, DeprecationWarning, stacklevel=2)
+            return getattr(sys.modules[package], renamed[name])
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         try:

@@ -41,8 +41,7 @@ from optics.exchange.mitsuba import (
 )
 from optics.light.engines import Film
 from optics.scene.receivers import GaussianWindow, Screen, filter_image
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 from thbcad.splines import KnotVector
 
 Floats = NDArray[np.float64]
@@ -72,7 +71,7 @@ class CameraEngine:
 
     backend: Backend
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> CameraModel:
+    def model(self, system: System, film: Film) -> CameraModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`.
 
         It measures in a Gaussian window of `optimizer.sigma` pixels, by `optimizer.rays_per_pixel` squared
@@ -83,10 +82,10 @@ class CameraEngine:
         settings = system.problem.optimizer
         if not settings.fresnel:
             raise UserError("Mitsuba's glass reflects: optimizer.fresnel must be true, got false")
-        passing = transmitted_flux(system, self.backend, lens)
+        passing = transmitted_flux(system, self.backend)
         seed = system.problem.run.seed if film.fresh is None else int(film.fresh.integers(LAST))
         paths = ceil(settings.rays_per_pixel**2)
-        return CameraModel(system, lens_mesh(lens), film.screen, passing, paths, seed)
+        return CameraModel(system, lens_mesh(system.designed), film.screen, passing, paths, seed)
 
 
 class CameraModel:
@@ -96,7 +95,7 @@ class CameraModel:
     """
 
     def __init__(
-        self, system: OpticalSystem, mesh: LensMesh, screen: Screen, passing: float, paths: int, seed: int
+        self, system: System, mesh: LensMesh, screen: Screen, passing: float, paths: int, seed: int
     ) -> None:
         self.screen = screen
         self._mitsuba, self._mesh, self._paths, self._seed = current_mitsuba(), mesh, paths, seed

@@ -24,7 +24,7 @@ from optics.designing.optimisation import shape_lens, stage_objective, stages, t
 from optics.interface.api import engine_of
 from optics.light.analysis import measure
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import read_lens
 
 REPEATS = 5
@@ -65,13 +65,14 @@ def run_engine(problem: Path, lens: Path, engine: str, whole: bool) -> EngineRun
 def main(arguments: list[str]) -> None:
     """Measure what the arguments of `run_engine` say, and print it as a line of JSON."""
     problem, lens_file, name, file, whole, started = arguments
-    system, lens = OpticalSystem(load_problem(problem)), read_lens(lens_file)
+    system = System(load_problem(problem))
+    near = system.with_lens(read_lens(lens_file))
     backend = load_backend("double")
     engine = camera_engine() if name == PTRACER else engine_of(name, system, backend)
     stage = stages(system, True)[-1]
     target = system.target.irradiance(stage.screen, transmitted_flux(system, backend))
-    objective = stage_objective(system, lens, stage, target, engine)
-    at = [sag.coefficients for sag in lens.sags]
+    objective = stage_objective(near, stage, target, engine)
+    at = [sag.coefficients for sag in near.sags]
     gradient = np.concatenate(objective(at).gradients)
     found = {"first": time() - float(started), "each": median_seconds(lambda: objective(at), REPEATS)}
     np.save(file, gradient)
@@ -80,7 +81,7 @@ def main(arguments: list[str]) -> None:
         start = perf_counter()
         designed, _ = shape_lens(system, backend, engine)
         found["seconds"] = perf_counter() - start
-        found["rel_l2"] = measure(system, designed, backend).metrics["rel_l2"]
+        found["rel_l2"] = measure(designed, backend).metrics["rel_l2"]
     print(json.dumps(found | {"peak": peak_mb()}))
 
 

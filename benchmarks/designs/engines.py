@@ -33,7 +33,7 @@ from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Lens, write_lens
 
 EXACT, RENDERED = "exact", "mitsuba-exact"
@@ -75,9 +75,9 @@ def problems() -> Iterator[tuple[str, Problem]]:
 
 def _begun(problem: Problem) -> Lens:
     """Return the lens of a problem after few iterations."""
-    system = OpticalSystem(replace(problem, optimizer=replace(problem.optimizer, iterations=(NEAR,))))
+    system = System(replace(problem, optimizer=replace(problem.optimizer, iterations=(NEAR,))))
     backend = load_backend("double")
-    return shape_lens(system, backend, ExactEngine(backend))[0]
+    return shape_lens(system, backend, ExactEngine(backend))[0].designed
 
 
 def _far_off(name: str, problem: Problem) -> Row:
@@ -88,7 +88,7 @@ def _far_off(name: str, problem: Problem) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         file, lens_file = Path(folder) / "problem.toml", Path(folder) / "lens.json"
         file.write_text(problem_to_toml(flat), "utf-8")
-        write_lens(OpticalSystem(flat).base, lens_file)
+        write_lens(System(flat).base, lens_file)
         one, other = (run_engine(file, lens_file, engine, False).gradient for engine in (EXACT, PTRACER))
     cosine = float(one @ other / (np.linalg.norm(one) * np.linalg.norm(other)))
     return Row(f"{name}: {PTRACER}, gradient's cosine at the unshaped lens, level 0", cosine)
@@ -122,10 +122,10 @@ def _picture_rows(lens: Lens, problem: Problem) -> list[Row]:
     from optics.exchange.mitsuba import LensMesh, camera_irradiance, load_mitsuba, mitsuba_scene
 
     load_mitsuba()
-    system = OpticalSystem(problem)
+    system = System(problem)
     scene = mitsuba_scene(system, LensMesh.uniform(lens, (449, 449)))
     pictures = [_blocks(camera_irradiance(scene, PATHS, seed)) for seed in (1, 2)]
-    ours = _blocks(measure(system, lens, load_backend("double")).irradiance)
+    ours = _blocks(measure(system.with_lens(lens), load_backend("double")).irradiance)
     mean = (pictures[0] + pictures[1]) / 2
     noise = np.linalg.norm(pictures[0] - pictures[1]) / 2
     scale = np.linalg.norm(ours)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+import optics
 from benchmarks.checkout import BUILD, EXAMPLES
 from benchmarks.designs.design_run import IRRADIANCE, LANDING, DesignRun, rel_l2_row, run_design
 from benchmarks.page_picture import keep
@@ -27,12 +28,11 @@ from optics.base.runtime import Backend, load_backend
 from optics.designing.optimisation import Listener, State, shape_lens
 from optics.exchange.results import ResultFolder
 from optics.exchange.verification import StepFile, verify
-from optics.interface.api import System
 from optics.light.analysis import counted_ways, nonsequential_light, ray_irradiance
 from optics.light.engines import ExactEngine
 from optics.scene.keys import problem_to_toml
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from thbcad import write_step
 
@@ -46,8 +46,8 @@ THESIS_SECONDS, THESIS_FLUX = "thesis 1763 s", "thesis 0.74 W"
 
 def rows() -> list[Row]:
     """Return the measured rows."""
-    system, backend = OpticalSystem(load_problem(EXAMPLES / "extended.toml")), load_backend("double")
-    adam, other = _adam(System(system.problem))
+    system, backend = System(load_problem(EXAMPLES / "extended.toml")), load_backend("double")
+    adam, other = _adam(optics.System(system.problem))
     result = DESIGNS / "extended"
     one = [*_designs("extended", other), _other_ways(result), *_source_image(result)]
     two = _designs("extended_two", other)
@@ -100,11 +100,11 @@ def _design(name: str, run: DesignRun, other: dict[str, float]) -> list[Row]:
 
 def _other_ways(folder: Path) -> Row:
     """Return what the light by other ways than front and rear costs a finished design."""
-    system, lens, _ = ResultFolder(folder).read()
+    system = ResultFolder(folder).read().system
     backend = load_backend("double")
     screen = system.target.screen()
-    nonsequential_light(system, lens, screen, backend)  # compiles the kernels
-    seconds = median_seconds(lambda: nonsequential_light(system, lens, screen, backend), 3)
+    nonsequential_light(system, screen, backend)  # compiles the kernels
+    seconds = median_seconds(lambda: nonsequential_light(system, screen, backend), 3)
     return Row("extended: light by other ways, time", seconds, "s", "", 15)
 
 
@@ -113,13 +113,13 @@ def _source_image(folder: Path) -> list[Row]:
 
     One pixel of each of BLOCKS x BLOCKS blocks is compared.  Norms are relative to that of the target.
     """
-    system, lens, _ = ResultFolder(folder).read()
+    system = ResultFolder(folder).read().system
     screen, rng = system.target.screen(), np.random.default_rng(0)
-    light, _ = ray_irradiance(system, system.path(lens), screen, load_backend("double"))
+    light, _ = ray_irradiance(system, system.path, screen, load_backend("double"))
     target = system.target.irradiance(screen, light.on_target + light.off_target)
     blocks = np.argwhere(np.ones((BLOCKS, BLOCKS))) + rng.random((BLOCKS**2, 2))
     pixels = (blocks * np.divide(screen.shape, BLOCKS)).astype(int)
-    exact, error = pixel_irradiance(SourceImage(Scene.of(system, lens)), pixels, screen, GAUSS)
+    exact, error = pixel_irradiance(SourceImage(Scene.of(system, system.designed)), pixels, screen, GAUSS)
     own, spread = (image[tuple(pixels.T)] for image in (light.irradiance, light.error))
     norm = float(np.sqrt(np.mean(target**2)))
     name = f"extended, front and rear, {BLOCKS**2} pixels against the source's image"
@@ -198,7 +198,7 @@ def _light(name: str, metrics: dict[str, Any], other: dict[str, float] | None = 
     ]
 
 
-def _adam(system: System) -> tuple[list[Row], dict[str, float]]:
+def _adam(system: optics.System) -> tuple[list[Row], dict[str, float]]:
     """Return the rows of the thesis's method, and its error and flux as limits of the designs."""
     start = perf_counter()
     *_, batch = adam_batches(system, BOTH_FILTERED)
@@ -214,7 +214,7 @@ def _adam(system: System) -> tuple[list[Row], dict[str, float]]:
     ], limits
 
 
-def _batches(system: OpticalSystem, backend: Backend, path: Path) -> list[Row]:
+def _batches(system: System, backend: Backend, path: Path) -> list[Row]:
     """Return the irradiance of every batch's STEP file by the independent tracer against the optimiser's
     tracer at equal rays."""
     out = []
@@ -222,7 +222,7 @@ def _batches(system: OpticalSystem, backend: Backend, path: Path) -> list[Row]:
     def check(state: State) -> None:
         lens = system.base.with_sags(state.sags)
         write_step(lens, path)
-        checks = {c.name: c.value for c in verify(system, lens, StepFile(path), backend)}
+        checks = {c.name: c.value for c in verify(system, StepFile(path), backend)}
         out.append(
             Row(
                 f"extended, batch {len(out) + 1}: irradiance of its STEP, independent trace",

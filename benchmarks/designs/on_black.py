@@ -23,7 +23,7 @@ from optics.designing.prediction import resolved
 from optics.designing.starts import TransportStart, light_before
 from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PEARL = EXAMPLES / "pearl.toml"
 SIZE, LEVEL = 256, 5
@@ -60,20 +60,20 @@ def problem_on_black(folder: Path, name: str, size: int, level: int | str) -> Pr
     return replace(problem, title=name, lens=lens, target=target)
 
 
-def start_of(system: OpticalSystem, backend: Backend) -> tuple[TransportStart, float, float]:
+def start_of(system: System, backend: Backend) -> tuple[TransportStart, float, float]:
     """Return the start of a system, the rel_l2 of its light, and the seconds that the start took."""
     clock = perf_counter()
     start = TransportStart(system, backend)
     seconds = perf_counter() - clock
     lens = system.base.with_sags([start.finest_fit().sag])
-    misfit = light_before(system, lens, backend)[1]
+    misfit = light_before(system.with_lens(lens), backend)[1]
     assert misfit is not None, "the light has no extent"
     return start, misfit, seconds
 
 
 def _start(folder: Path, name: str) -> Iterator[Row]:
     backend = load_backend("double")
-    system, _ = resolved(OpticalSystem(problem_on_black(folder, name, SIZE, LEVEL)), backend)
+    system, _ = resolved(System(problem_on_black(folder, name, SIZE, LEVEL)), backend)
     start, misfit, seconds = start_of(system, backend)
     yield Row(f"{name}: rel_l2 of the start", misfit, limit=START)
     yield Row(f"{name}: dual gap of its map, relative", start.gap)

@@ -29,7 +29,7 @@ from optics.scene.keys import problem_to_toml
 from optics.scene.problem import Optimizer, load_problem
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
 from optics.scene.sources import collimated_beam
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import worst_difference
 from thbcad import FreeformSurface, Lens, THBSurface, read_lens
 
@@ -59,8 +59,8 @@ def rows() -> list[Row]:
             out += _design(name, Path(folder) / name, limits)
         out += _table_61(Path(folder))
         lens = read_lens(Path(folder) / "pearl" / "lens.json")
-    system, backend = OpticalSystem(load_problem(PEARL)), load_backend("double", 1)
-    return [*out, *_objective(system, lens, backend), *_flux(system, backend), *_start()]
+    system, backend = System(load_problem(PEARL)), load_backend("double", 1)
+    return [*out, *_objective(system.with_lens(lens), backend), *_flux(system, backend), *_start()]
 
 
 def _design(name: str, folder: Path, limits: tuple[float, float, float]) -> list[Row]:
@@ -112,7 +112,8 @@ def _table_61(folder: Path) -> list[Row]:
     ]
 
 
-def _objective(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]:
+def _objective(system: System, backend: Backend) -> list[Row]:
+    lens = system.designed
     uniform = lens.rear.sag.uniform(lens.rear.sag.space.levels - 1)
     lens, c = lens.with_sags([uniform]), uniform.coefficients
     timings = []
@@ -121,12 +122,12 @@ def _objective(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
         ("cubic B-spline window, 16 taps", BSplineWindow(3), None),
         ("default pixel window, 4 taps", PixelWindow(), None),
     ):
-        objective = _pearl_objective(system, lens, backend, window)
+        objective = _pearl_objective(system, backend, window)
         seconds = median_seconds(lambda o=objective: o([c]), 15)
         timings.append(
             Row(f"loss + gradient, 449^2 rays, 227^2 net, 1 core, {name}", seconds, "s", "", limit)
         )
-    exact = _exact_objective(system, lens, backend)
+    exact = _exact_objective(system, backend)
     seconds = median_seconds(lambda: exact([c]), 15)
     timings.append(Row(f"loss + gradient, {CELLS}^2 exact cells, 227^2 net, 1 core", seconds, "s"))
     differences = [
@@ -136,30 +137,27 @@ def _objective(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Row]
         ("cubic B-spline window", BSplineWindow(3)),
         ("default pixel window", PixelWindow()),
     ):
-        error = _error(_pearl_objective(system, lens, backend, window), c, STEP)
+        error = _error(_pearl_objective(system, backend, window), c, STEP)
         differences.append(Row(f"gradient, worst of 20 differences, {name}", error, limit=1e-8))
     return [*timings, *differences]
 
 
 def _pearl_objective(
-    system: OpticalSystem,
-    lens: Lens,
-    backend: Backend,
-    window: PixelWindow | BSplineWindow | GaussianWindow,
+    system: System, backend: Backend, window: PixelWindow | BSplineWindow | GaussianWindow
 ) -> Objective:
     screen = system.target.screen(1, MARGIN)
-    tracer = Tracer(backend, system.path(lens), system.source.rays((449, 449)))
+    tracer = Tracer(backend, system.path, system.source.rays((449, 449)))
     target = system.target.irradiance(screen, 0.92)
     return Objective(
         TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
     )
 
 
-def _exact_objective(system: OpticalSystem, lens: Lens, backend: Backend) -> Objective:
+def _exact_objective(system: System, backend: Backend) -> Objective:
     screen, cells = system.target.screen(1, MARGIN), system.source.cells((CELLS, CELLS))
     rays = cells.rays()
     window = MappedCells(backend, screen, cells.emitted, rays.flux, cells.turned)
-    tracer = Tracer(backend, system.path(lens), rays)
+    tracer = Tracer(backend, system.path, rays)
     target = system.target.irradiance(screen, 0.92)
     return Objective(
         TracedModel(backend, tracer, screen, window), target, system.problem.optimizer.lost_flux_weight
@@ -170,7 +168,7 @@ def _error(objective: Objective, c: NDArray[np.float64], step: float, smooth: bo
     return worst_difference(lambda x: objective([x]).loss, c, objective([c]).gradients[0], step, smooth)
 
 
-def _flux(system: OpticalSystem, backend: Backend) -> list[Row]:
+def _flux(system: System, backend: Backend) -> list[Row]:
     """Transmitted flux against adaptive integration of the Fresnel formula."""
     lens, out = system.base, []
     half, n = system.problem.source.half_width[0], lens.index
@@ -179,7 +177,7 @@ def _flux(system: OpticalSystem, backend: Backend) -> list[Row]:
         sag = THBSurface(lens.rear.sag.space, np.zeros(lens.rear.sag.space.dim))
         shaped = Lens(lens.front, FreeformSurface((50, 50), conic, sag), lens.thickness, n)
         beam = collimated_beam((half, half), 1.0, (50, 50), (449, 449))
-        tracer = Tracer(backend, system.path(shaped), beam)
+        tracer = Tracer(backend, system.with_lens(shaped).path, beam)
         _, landing = tracer.trace([sag.coefficients])
         traced = tracer.fates(landing, (1e6, 1e6)).transmitted
         exact = (

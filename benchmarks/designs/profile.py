@@ -29,7 +29,7 @@ from optics.designing.optimisation import stages
 from optics.designing.starts import TransportStart
 from optics.scene.keys import problem_to_toml
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PEARL = EXAMPLES / "pearl.toml"
 RUNS = 5
@@ -46,7 +46,7 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         runs = [_run(Path(folder) / "pearl") for _ in range(RUNS)]
         text = (Path(folder) / "pearl" / "lens.step").read_text("ascii")
-    system = OpticalSystem(load_problem(PEARL))
+    system = System(load_problem(PEARL))
     stage = stages(system, from_transport=True)[-1]
     cells, numbers = stage.rays[0] * stage.rays[1], re.findall(r"[\d.]+E[+-]\d+|\d+\.\d*", text)
     evaluation = 2 * 8 * NUMBERS * cells / _bytes_a_second()
@@ -148,7 +148,7 @@ def _imports() -> float:
     return _seconds(lambda: subprocess.run(program, check=True))
 
 
-def _transforms(system: OpticalSystem) -> float:
+def _transforms(system: System) -> float:
     """Return the seconds of the cosine transforms of a transport start."""
     profile = cProfile.Profile()
     profile.runcall(lambda: TransportStart(system, load_backend("double", 1)).fit(system.base.rear.sag.space))

@@ -24,7 +24,7 @@ from optics.designing.optimisation import shape_lens
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Freeform, Problem, Refinement, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 UNIFORM = (3, 4, 5)  # levels
 # indicator and alpha, level 5
@@ -115,11 +115,11 @@ class _Run:
 
 def _run(name: str, problem: Problem, backend: Backend) -> _Run:
     """Design a lens and measure it."""
-    system, start = OpticalSystem(problem), perf_counter()
-    lens, state = shape_lens(system, backend, ExactEngine(backend))
+    system, start = System(problem), perf_counter()
+    shaped, state = shape_lens(system, backend, ExactEngine(backend))
     seconds = perf_counter() - start
-    dof, loss = lens.rear.sag.space.dim, min(row.loss for row in state.history[-LAST:])
-    metrics = measure(system, lens, backend).metrics
+    dof, loss = shaped.designed.rear.sag.space.dim, min(row.loss for row in state.history[-LAST:])
+    metrics = measure(shaped, backend).metrics
     rows = [
         Row(f"{name}: degrees of freedom", dof),
         Row(f"{name}: loss", loss),

@@ -22,7 +22,7 @@ from optics.base.runtime import load_backend
 from optics.designing.prediction import expected
 from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem import Optimizer, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PEARL = EXAMPLES / "pearl.toml"
 Z_FREEDOM = 19.0  # mm: busy pictures ask for more sag than the pearl
@@ -82,7 +82,7 @@ def pictures() -> Iterator[tuple[str, NDArray[np.uint8]]]:
 
 def _predictions(folder: Path, name: str, metrics: dict[str, Any]) -> list[Row]:
     """Return what `thbcad check` says of the design, over what came: 1 is exact."""
-    system, backend = OpticalSystem(load_problem(folder / name / "problem.toml")), load_backend("double")
+    system, backend = System(load_problem(folder / name / "problem.toml")), load_backend("double")
     said, _ = expected(system, backend)
     ratios = {
         "seconds": said.seconds / metrics["wall_s"]["total"],

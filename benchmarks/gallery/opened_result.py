@@ -38,8 +38,8 @@ def write_opened(result: Path, folder: Path) -> None:
     record = json.loads((folder / RECORD).read_text("utf-8"))
     kept = [name for name in record[HASHES] if (folder / name).exists()]
     write_text(folder / RECORD, json_text(record | {HASHES: hashes(folder, kept)}))
-    paths = scene_paths(design.system, design.lens, load_backend("double"))
-    write_text(folder / VIEW, scene_page(design.system, design.lens, design.measurement.irradiance, paths))
+    paths = scene_paths(design.system, load_backend("double"))
+    write_text(folder / VIEW, scene_page(design.system, design.measurement.irradiance, paths))
 
 
 def _smaller(png: re.Match[str]) -> str:

@@ -12,7 +12,7 @@ from benchmarks.rows.row import Row
 from optics.base.runtime import load_backend
 from optics.light.analysis import ray_irradiance, rel_l2
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.sags import Conic
@@ -66,14 +66,16 @@ def _by_their_rays(run: CaseRun) -> list[Row]:
 def cone_rows(folder: Path, quick: bool) -> list[Row]:
     """Return the rows of the picture in a cone: their lens, and ours, measured in the same way."""
     problem = load_problem(OTHERS / "picture_in_a_cone.toml")
-    system = OpticalSystem(problem)
-    theirs = _score(system, their_lens(problem.lens.index))
+    system = System(problem)
+    theirs = _score(system.with_lens(their_lens(problem.lens.index)))
     reference = f"diffinytrace, shortened run: {theirs['rel_l2']:.3f}, SSIM {theirs['ssim']:.3f}"
     sharp = run_case("picture_in_a_cone", folder, PARALLEL)
     out = [
         *_rows("picture in a cone, diffinytrace's lens", theirs, CONE),
         *_rows(
-            "picture in a cone, designed for parallel light", _score(system, sharp.design.lens), reference
+            "picture in a cone, designed for parallel light",
+            _score(system.with_lens(sharp.design.lens)),
+            reference,
         ),
         *time_rows(sharp, "", None),
     ]
@@ -81,7 +83,10 @@ def cone_rows(folder: Path, quick: bool) -> list[Row]:
         cone = run_case("picture_in_a_cone", folder)
         limits = theirs["rel_l2"], theirs["ssim"]
         out += _rows(
-            "picture in a cone, designed for it", _score(system, cone.design.lens), reference, limits
+            "picture in a cone, designed for it",
+            _score(system.with_lens(cone.design.lens)),
+            reference,
+            limits,
         )
         out += [Row("  one-blur model: rel_l2", cone.metrics["rel_l2_one_blur"]), *time_rows(cone, "", None)]
     return out
@@ -97,14 +102,14 @@ def their_lens(index: float) -> Lens:
     return Lens(FreeformSurface(half, Conic()), rear, 5.0, index)
 
 
-def _score(system: OpticalSystem, lens: Lens) -> dict[str, float]:
+def _score(system: System) -> dict[str, float]:
     """Return rel_l2, its error and SSIM of a lens by binned quasi-random rays, as they measure too.
 
     Our own measure is a mean over 64 directions, without noise, but coarse for lenses that throw sharp lines.
     """
     screen = system.target.screen()
     target = system.target.irradiance(screen, 1.0)
-    light, _ = ray_irradiance(system, system.path(lens), screen, load_backend("double", 0))
+    light, _ = ray_irradiance(system, system.path, screen, load_backend("double", 0))
     e, t = light.irradiance / light.irradiance.mean(), target / target.mean()
     return {
         "rel_l2": rel_l2(e, t),

@@ -43,7 +43,9 @@ def far_sighted(design: optics.Design, steps: Sequence[int]) -> optics.Design:
     sag = _shaped(system, THBSurface(sag.space, sag.coefficients), steps[0])
     for more in steps[1:]:
         sag = _shaped(system, sag.uniform(FINEST), more)
-    return replace(design, lens=system.lens(sag.space, sag.coefficients))
+    return replace(
+        design, system=design.system.with_lens(system.lens(sag.space, sag.coefficients)), read=None
+    )
 
 
 def _shaped(system: optics.System, sag: THBSurface, steps: int) -> THBSurface:

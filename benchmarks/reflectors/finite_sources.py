@@ -141,8 +141,8 @@ def designed(case: FiniteCase) -> tuple[optics.System, optics.Lens]:
 
 def judged(system: optics.System, lens: optics.Lens) -> tuple[float, float]:
     """Return rel_l2 of the light in the window by their estimator, and the share beside it."""
-    optical, backend = system.optical, load_backend("double", 2)
-    screen, path = optical.target.screen(), optical.path(lens)
+    optical, backend = system, load_backend("double", 2)
+    screen, path = optical.target.screen(), optical.with_lens(lens).path
     light = np.zeros(screen.shape)
     for rays in optical.source.parts(JUDGED, np.random.default_rng(1), AT_ONCE):
         _, landing = Tracer(backend, path, rays).trace()

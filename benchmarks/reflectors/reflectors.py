@@ -105,7 +105,7 @@ class Case:
 
     def tracer(self, design: optics.Design) -> Tracer:
         """Return what traces these rays."""
-        return Tracer(load_backend("double", 1), design.system.path(design.lens), self.rays())
+        return Tracer(load_backend("double", 1), design.system.path, self.rays())
 
     def radius_deviation(self, design: optics.Design) -> float:
         """Return the rms deviation of the lit face from a sphere about the source, over its radius."""

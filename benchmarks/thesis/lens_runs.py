@@ -109,8 +109,8 @@ def unfiltered_target(system: System) -> Floats:
     from optics.base.runtime import load_backend
     from optics.designing.optimisation import transmitted_flux
 
-    target = system.optical.target
-    return target.irradiance(target.screen(), transmitted_flux(system.optical, load_backend("double", None)))
+    target = system.target
+    return target.irradiance(target.screen(), transmitted_flux(system, load_backend("double", None)))
 
 
 def merit(system: System, lens: Lens) -> dict[str, float]:
@@ -122,7 +122,7 @@ def merit(system: System, lens: Lens) -> dict[str, float]:
     """
     measured = system.measure(lens)
     near = binary_dilation(measured.target > 0, iterations=round(NEAR * measured.target.shape[1]))
-    dark = float(measured.irradiance[~near].sum()) * system.optical.target.screen().pixel_area
+    dark = float(measured.irradiance[~near].sum()) * system.target.screen().pixel_area
     astray = measured.metrics["stray"] + dark / system.problem.source.flux
     return {**measured_merit(measured, lens), "astray": float(astray)}
 

@@ -23,10 +23,10 @@ from optics.light.tracing import Tracer
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow, Screen, filter_image
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import relative, slope_of_fit
 from oracles.ray_samplings import grid_points, sampled_rays
-from thbcad import Lens, read_lens, write_lens
+from thbcad import read_lens, write_lens
 
 STORE = BUILD / "error"
 ITERATIONS = {"pearl": 10, "extended": 4, "extended_two": 4}  # of L-BFGS per level: enough for a rough lens
@@ -44,8 +44,7 @@ class Case:
     unfiltered."""
 
     name: str
-    system: OpticalSystem
-    lens: Lens
+    system: System
     target: Floats
 
     @property
@@ -55,7 +54,7 @@ class Case:
 
     @property
     def coefficients(self) -> list[Floats]:
-        return [sag.coefficients for sag in self.lens.sags]
+        return [sag.coefficients for sag in self.system.sags]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,42 +67,43 @@ class Reference:
     gradient_error: float
 
 
-def designed(name: str, backend: Backend) -> tuple[OpticalSystem, Lens]:
+def designed(name: str, backend: Backend) -> System:
     """Return an example with a lens designed in few iterations; it is kept in build/error."""
     problem = load_problem(EXAMPLES / f"{name}.toml")
     path = STORE / f"{name}.json"
     if not path.exists():
         options = replace(problem.optimizer, iterations=(ITERATIONS[name],), finish=0, rays_per_pixel=4.0)
         brief = replace(problem, optimizer=options)
-        lens, _ = shape_lens(OpticalSystem(brief), backend, ExactEngine(backend))
+        shaped, _ = shape_lens(System(brief), backend, ExactEngine(backend))
         STORE.mkdir(parents=True, exist_ok=True)
-        write_lens(lens, path)
-    return OpticalSystem(problem), read_lens(path)
+        write_lens(shaped.designed, path)
+    return System(problem).with_lens(read_lens(path))
 
 
 def pearl_case(backend: Backend) -> Case:
     """Return the pearl lens."""
-    return _case("pearl", *designed("pearl", backend), backend)
+    return _case("pearl", designed("pearl", backend), backend)
 
 
 def cases(backend: Backend) -> list[Case]:
     """Return the base lens, the pearl lens and the lens of the extended source."""
-    pearl, shaped = designed("pearl", backend)
+    pearl = designed("pearl", backend)
     named = {
-        "base": (pearl, pearl.lens),
-        "pearl": (pearl, shaped),
+        "base": pearl.unshaped,
+        "pearl": pearl,
         "extended": designed("extended", backend),
     }
-    return [_case(name, *pair, backend) for name, pair in named.items()]
+    return [_case(name, system, backend) for name, system in named.items()]
 
 
-def _case(name: str, system: OpticalSystem, lens: Lens, backend: Backend) -> Case:
+def _case(name: str, system: System, backend: Backend) -> Case:
     """Return the case whose target holds as much light as reaches the pixels."""
+    lens = system.designed
     screen = system.target.screen(system.problem.optimizer.merge)
-    tracer = Tracer(backend, system.path(lens), system.source.rays((257, 257)))
+    tracer = Tracer(backend, system.path, system.source.rays((257, 257)))
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     flux = tracer.fates(landing, screen.half_width).on_target
-    return Case(name, system, lens, system.target.irradiance(screen, flux))
+    return Case(name, system, system.target.irradiance(screen, flux))
 
 
 def reference(case: Case, backend: Backend, window: Window = WINDOW) -> Reference:
@@ -136,7 +136,7 @@ def _many_rays(case: Case, which: int) -> Iterator[RayGrid | Rays]:
 def _landed(
     case: Case, backend: Backend, window: Window, part: RayGrid | Rays
 ) -> tuple[Tracer, list[Hits], DrArray]:
-    tracer = Tracer(backend, case.system.path(case.lens), part)
+    tracer = Tracer(backend, case.system.path, part)
     hits, landing = tracer.trace(case.coefficients)
     return tracer, hits, Splat(backend, case.screen, window)(landing.x, landing.y, landing.flux)
 
@@ -167,4 +167,4 @@ def grid_rays(case: Case, count: int) -> RayGrid | Rays:
     if case.system.source.collimated:
         side = round(count**0.5)
         return case.system.source.rays((side, side))
-    return sampled_rays(case.system.problem.source, case.lens, grid_points, count)
+    return sampled_rays(case.system.problem.source, case.system.designed, grid_points, count)

@@ -22,7 +22,7 @@ from optics.light.measuring import Splat
 from optics.light.tracing import Tracer
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import relative, worst_difference
 from thbcad import Lens
 
@@ -67,19 +67,12 @@ def uniform(lens: Lens) -> Lens:
 
 
 def fit(
-    system: OpticalSystem,
-    lens: Lens,
-    backend: Backend,
-    window: Window,
-    rays: Sequence[int],
-    soft_rim: float = 0.0,
+    system: System, backend: Backend, window: Window, rays: Sequence[int], soft_rim: float = 0.0
 ) -> Objective:
     """Return the fit alone as an Objective, on the problem's pixels; the target has the whole source flux."""
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
-    tracer = Tracer(
-        backend, system.path(lens).with_soft_rims(soft_rim), system.source.rays(rays), proven=False
-    )
+    tracer = Tracer(backend, system.path.with_soft_rims(soft_rim), system.source.rays(rays), proven=False)
     return Objective(TracedModel(backend, tracer, screen, window), target, 0.0)
 
 
@@ -90,15 +83,15 @@ def seconds(objective: Objective, lens: Lens, repeats: int = REPEATS) -> float:
 
 
 def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
-    system, lens = designed("pearl", backend)
-    lens, out = uniform(lens), []
+    system = designed("pearl", backend)
+    lens, out = uniform(system.designed), []
     net = "x".join(map(str, lens.rear.sag.to_bspline().coefficients.shape))
     for name, window, limit in (("64 taps", WINDOW, 0.07), ("pixel window, 4 taps", PixelWindow(), 0.03)):
-        own = seconds(fit(system, lens, backend, window, RAYS), lens)
+        own = seconds(fit(system.with_lens(lens), backend, window, RAYS), lens)
         out.append(Row(f"loss + gradient, 449^2 rays, net {net}, {name}", own, "s", "", limit))
         if mitsuba:
             target = system.target.irradiance(system.target.screen(), system.problem.source.flux)
-            other = seconds(Objective(_mesh_model(system, lens, window), target, 0.0), lens, 5)
+            other = seconds(Objective(_mesh_model(system.with_lens(lens), window), target, 0.0), lens, 5)
             least = 20 if window.taps == 2 else None
             out.append(
                 Row(
@@ -116,7 +109,8 @@ def _collimated(backend: Backend, mitsuba: bool) -> list[Row]:
 def _extended(backend: Backend) -> list[Row]:
     """Return the times of 2^20 rays of an extended source, searched for as designs do, and the part of it
     that the searches take."""
-    system, lens = designed("extended_two", backend)
+    system = designed("extended_two", backend)
+    lens = system.designed
     title, at, out = (
         "loss + gradient, 2^20 extended rays, 2 free surfaces",
         [sag.coefficients for sag in lens.sags],
@@ -128,7 +122,7 @@ def _extended(backend: Backend) -> list[Row]:
         out.append(
             Row(
                 f"{title}, {name}",
-                seconds(fit(system, lens, backend, window, EXTENDED_RAYS), lens, 5),
+                seconds(fit(system.with_lens(lens), backend, window, EXTENDED_RAYS), lens, 5),
                 "s",
                 "f64",
                 limit,
@@ -139,7 +133,7 @@ def _extended(backend: Backend) -> list[Row]:
         ("both searches and no derivatives", False),
         ("the same, sure of the first of several meetings", True),
     ):
-        tracer = Tracer(backend, system.path(lens), rays, proven=proven)
+        tracer = Tracer(backend, system.with_lens(lens).path, rays, proven=proven)
 
         def search(tracer: Tracer = tracer) -> None:
             with backend.dr.suspend_grad():
@@ -148,7 +142,7 @@ def _extended(backend: Backend) -> list[Row]:
 
         out.append(Row(f"   {name}", median_seconds(search, 5), "s", "f64"))
     single = load_backend("single", 1)
-    time = seconds(fit(system, lens, single, PixelWindow(), EXTENDED_RAYS), lens, 5)
+    time = seconds(fit(system.with_lens(lens), single, PixelWindow(), EXTENDED_RAYS), lens, 5)
     return [*out, Row(f"{title}, {next(iter(windows))}, single precision", time, "s", "f32")]
 
 
@@ -156,9 +150,9 @@ def _differences(backend: Backend) -> list[Row]:
     """Return the gradient's error for every free surface of two designed lenses."""
     out = []
     for name, rays, soft in (("pearl", RAYS, 0.0), ("extended_two", (256, 256), SOFT_RIM)):
-        system, lens = designed(name, backend)
-        objective = fit(system, lens, backend, SMOOTH, rays, soft)
-        at = [sag.coefficients for sag in lens.sags]
+        system = designed(name, backend)
+        objective = fit(system, backend, SMOOTH, rays, soft)
+        at = [sag.coefficients for sag in system.sags]
         gradients = objective(at).gradients
         for k, surface in enumerate(("front", "rear")[-len(at) :]):
 
@@ -181,10 +175,10 @@ def _differences(backend: Backend) -> list[Row]:
 def first_gradient() -> float:
     """Return the loss of a pearl design's last stage at its first lens: all that comes before the first
     step."""
-    system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
+    system = System(load_problem(ROOT / "examples" / "pearl.toml"))
     lens, stage, backend = system.base, stages(system, True)[-1], load_backend("double", 1)
     target = system.target.irradiance(stage.screen, 0.92 * system.problem.source.flux)
-    objective = stage_objective(system, lens, stage, target, ExactEngine(backend))
+    objective = stage_objective(system.with_lens(lens), stage, target, ExactEngine(backend))
     return objective([sag.coefficients for sag in lens.sags]).loss
 
 
@@ -207,11 +201,11 @@ def _set_up() -> list[Row]:
     ]
 
 
-def _mesh_model(system: OpticalSystem, lens: Lens, window: Window) -> TracedModel:
+def _mesh_model(system: System, window: Window) -> TracedModel:
     """Return the light of a lens through Mitsuba's meshes of 449^2 vertices."""
     from optics.exchange.mitsuba import LensMesh, MeshTracer
 
-    mesh, rays = LensMesh.uniform(lens, RAYS), system.source.rays(RAYS)
+    mesh, rays = LensMesh.uniform(system.designed, RAYS), system.source.rays(RAYS)
     tracer = MeshTracer(mesh, rays, system.target.receiver)
     return TracedModel(tracer.backend, tracer, system.target.screen(), window)
 
@@ -219,13 +213,13 @@ def _mesh_model(system: OpticalSystem, lens: Lens, window: Window) -> TracedMode
 def _mesh_accuracy(backend: Backend) -> Row:
     """Return the relative L2 error of the irradiance through meshes with analytic normals, f32, on the base
     lens."""
-    system = OpticalSystem(load_problem(ROOT / "examples" / "pearl.toml"))
+    system = System(load_problem(ROOT / "examples" / "pearl.toml"))
     lens, screen = system.base, system.target.screen()
-    tracer = Tracer(backend, system.path(lens), system.source.rays(RAYS))
+    tracer = Tracer(backend, system.with_lens(lens).path, system.source.rays(RAYS))
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     image = Splat(backend, screen, WINDOW)(landing.x, landing.y, landing.flux)
     exact = image.numpy().reshape(screen.shape, order="F")
-    image = _mesh_model(system, lens, WINDOW).image([sag.coefficients for sag in lens.sags])
+    image = _mesh_model(system.with_lens(lens), WINDOW).image([sag.coefficients for sag in lens.sags])
     error = relative(image, exact)
     return Row(
         "Mitsuba mesh of 449^2 vertices, analytic normals, base lens",

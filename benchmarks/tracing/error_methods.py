@@ -105,9 +105,11 @@ def exact_points(case: Case, truth: Reference, counts: Sequence[int] = COUNTS) -
                 rays = (
                     grid_rays(case, count)
                     if name == "grid"
-                    else sampled_rays(case.system.problem.source, case.lens, SAMPLINGS[name], count)
+                    else sampled_rays(
+                        case.system.problem.source, case.system.designed, SAMPLINGS[name], count
+                    )
                 )
-                tracer = Tracer(backend, case.system.path(case.lens), rays)
+                tracer = Tracer(backend, case.system.path, rays)
                 out.append(_point(case, truth, backend, tracer, f"ours, {name}, {short}", rays.flux.size))
     return out
 
@@ -117,13 +119,13 @@ def mesh_points(case: Case, truth: Reference, counts: Sequence[int] = MESH_COUNT
     grids or Sobol points."""
     from optics.exchange.mitsuba import LensMesh, MeshTracer
 
-    out, mesh = [], LensMesh.uniform(case.lens, VERTICES)
+    out, mesh = [], LensMesh.uniform(case.system.designed, VERTICES)
     collimated = case.system.source.collimated
     for count in counts:
         rays = (
             grid_rays(case, count)
             if collimated
-            else sampled_rays(case.system.problem.source, case.lens, sobol_points, count)
+            else sampled_rays(case.system.problem.source, case.system.designed, sobol_points, count)
         )
         tracer = MeshTracer(mesh, rays, case.system.target.receiver)
         out.append(_point(case, truth, tracer.backend, tracer, "Mitsuba mesh + splat", rays.flux.size))
@@ -135,7 +137,7 @@ def camera_points(case: Case, truth: Reference) -> list[Point]:
     long."""
     from optics.exchange.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
-    mi, mesh, out = current_mitsuba(), LensMesh.uniform(case.lens, VERTICES), []
+    mi, mesh, out = current_mitsuba(), LensMesh.uniform(case.system.designed, VERTICES), []
     scene = mitsuba_scene(case.system, mesh)
     camera = gaussian_camera(mi, scene, case)
     for spp in SPP:
@@ -190,7 +192,7 @@ def camera_noise(case: Case, window: str, paths: int = SPP[-1]) -> Noise:
     from optics.exchange.mitsuba import LensMesh, current_mitsuba, mitsuba_scene
 
     mi = current_mitsuba()
-    scene = mitsuba_scene(case.system, LensMesh.uniform(case.lens, VERTICES))
+    scene = mitsuba_scene(case.system, LensMesh.uniform(case.system.designed, VERTICES))
     camera = scene.sensors()[0] if window == BOX else gaussian_camera(mi, scene, case)
     np.array(mi.render(scene, sensor=camera, spp=1))  # compiles
     pictures, seconds = [], []

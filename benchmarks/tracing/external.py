@@ -18,8 +18,8 @@ from benchmarks.tracing.error_cases import designed
 from optics.base.runtime import load_backend
 from optics.exchange.cross_checks import LightComparison, compare_light, file_tracer, light_comparison_checks
 from optics.exchange.verification import StepFile
-from optics.scene.system import OpticalSystem
-from thbcad import Lens, write_step
+from optics.scene.system import System
+from thbcad import write_step
 
 FULL = {"mitsuba": 10_000_000, "occt": 100_000, "optiland": 100_000}
 FEWER = {"optiland": 10_000}  # 1e5 take four minutes
@@ -28,25 +28,25 @@ PACKAGES = {"mitsuba": "mitsuba", "occt": "OCP", "optiland": "optiland"}
 
 def rows() -> list[Row]:
     """Return the measured rows."""
-    system, lens = designed("pearl", load_backend("double"))
+    system = designed("pearl", load_backend("double"))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lens.step"
-        write_step(lens, path, system.product)
+        write_step(system.designed, path, system.product)
         return [
             row
             for name in FULL
             if find_spec(PACKAGES[name])
-            for row in _measured(name, system, lens, StepFile(path))
+            for row in _measured(name, system, StepFile(path))
         ]
 
 
-def _measured(name: str, system: OpticalSystem, lens: Lens, file: StepFile) -> list[Row]:
+def _measured(name: str, system: System, file: StepFile) -> list[Row]:
     """Return the rows of one program."""
     start = perf_counter()
     tracer = file_tracer(name, file, system)
     ready = perf_counter() - start
     count = FEWER.get(name, FULL[name])
-    found = compare_light(system, lens, tracer, count, load_backend("double"))
+    found = compare_light(system, tracer, count, load_backend("double"))
     law = f"from {count:.0e} rays, in proportion to their number" if name in FEWER else ""
     seconds = found.seconds * FULL[name] / count
     return [
@@ -56,7 +56,7 @@ def _measured(name: str, system: OpticalSystem, lens: Lens, file: StepFile) -> l
     ]
 
 
-def _differences(found: LightComparison, system: OpticalSystem) -> list[Row]:
+def _differences(found: LightComparison, system: System) -> list[Row]:
     """Return how far the light is from ours, below the limits of `verify --light`."""
     fates, landing, irradiance, z = (c.limit for c in light_comparison_checks(found, system.problem.verify))
     unit = "mm"

@@ -33,7 +33,7 @@ from optics.base.runtime import Backend, load_backend
 from optics.light.analysis import cell_irradiance, measure
 from optics.scene.problem import Problem, load_problem
 from optics.scene.receivers import BoxWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import relative
 from oracles.step_light import Beam, Pixels, cell_image, read_rear
 from thbcad import write_step
@@ -94,12 +94,15 @@ def step_reference(case: Case) -> tuple[Floats, float]:
     system, screen = case.system, case.system.target.screen()
     source = system.problem.source
     beam = Beam(
-        source.half_width, source.flux, case.lens.index, system.problem.lens.thickness + system.problem.throw
+        source.half_width,
+        source.flux,
+        case.system.designed.index,
+        system.problem.lens.thickness + system.problem.throw,
     )
     pixels = Pixels(screen.half_width, screen.pixels)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lens.step"
-        write_step(case.lens, path, system.product)
+        write_step(case.system.designed, path, system.product)
         rear = read_rear(path)
     coarse, fine = (cell_image(rear, beam, pixels, count) for count in REFERENCE_CELLS)
     return fine, relative(coarse, fine) / 3
@@ -110,7 +113,7 @@ def _by_cells(case: Case, backend: Backend) -> Iterator[Light]:
     for count in OWN_CELLS:
         for _ in range(2):  # the first compiles
             start = perf_counter()
-            path, cells = case.system.path(case.lens), case.system.source.cells((count, count))
+            path, cells = case.system.path, case.system.source.cells((count, count))
             image, _ = cell_irradiance(path, screen, cells, backend)
             seconds = perf_counter() - start
         yield Light(CELLS, f"{count}^2 cells", image, seconds)
@@ -167,7 +170,7 @@ def _ratios(case: Case, runs: Sequence[tuple[str, float, float]]) -> list[Row]:
 
 def _estimate(case: Case, truth: Floats, own: float, backend: Backend) -> list[Row]:
     """Return the error that `measure` prints against the true one."""
-    found = measure(case.system, case.lens, backend)
+    found = measure(case.system, backend)
     true = float(np.linalg.norm(found.irradiance - truth) / np.linalg.norm(found.target))
     printed = found.metrics["rel_l2_floor"]
     ratio = max(printed / true, true / printed)
@@ -181,9 +184,9 @@ def _rims(backend: Backend) -> list[Row]:
     """Return the error of the flux that misses the rear, relative to that of the source."""
     out = []
     for name, problem, missing in _cut_light():
-        system = OpticalSystem(problem)
+        system = System(problem)
         for count in RIM_CELLS:
-            path, screen = system.path(system.base), system.target.screen()
+            path, screen = system.with_lens(system.base).path, system.target.screen()
             _, fates = cell_irradiance(path, screen, system.source.cells((count, count)), backend)
             exact = missing * (problem.source.flux - fates.by_name["front_reflected"])
             error = abs(fates.missed_rear - exact) / problem.source.flux

@@ -24,7 +24,7 @@ from optics.light.outgoing import outgoing_intensity
 from optics.light.roads import Installation, read_r_table, road_checks
 from optics.scene.problem import Problem, load_problem
 from optics.scene.ray_files import RaySet, write_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Lens
 from thbcad.checks import Floats
 
@@ -87,9 +87,9 @@ class Scene:
         return optics.design(self.problem).lens
 
     @property
-    def system(self) -> OpticalSystem:
+    def system(self) -> System:
         """The scene as designed, whose target is that of every measurement."""
-        return OpticalSystem(self.problem).with_all_sources
+        return System(self.problem).with_all_sources
 
     def sample(self, seed: int, backend: Backend, finer: int = 1) -> Sample:
         """Return a measurement.
@@ -103,10 +103,12 @@ class Scene:
                 file = Path(folder) / "source.tm25ray"
                 write_rays(self._drawn_rays(seed, FILE_RAYS * finer**2), file)
                 changes |= {"source.kind": "rays", "source.half_width": [0.0, 0.0], "source.file": str(file)}
-            system = OpticalSystem(self.problem.with_(**changes))
+            system = System(self.problem.with_(**changes))
             if self.road:
-                return Sample(dict(_on_road(system, self.lens, backend, ROAD_RAYS * finer**2)), None)
-            found = measure(system, self.lens, backend)
+                return Sample(
+                    dict(_on_road(system.with_lens(self.lens), backend, ROAD_RAYS * finer**2)), None
+                )
+            found = measure(system.with_lens(self.lens), backend)
         numbers = dict(reported(found.metrics))
         if found.metrics["paths"] == "sequential":
             del numbers["rel_l2_sequential"]  # it is rel_l2
@@ -115,8 +117,8 @@ class Scene:
 
     def by_many_rays(self, seed: int, backend: Backend) -> Floats:
         """Return the light along the path by many rays, whatever measures it else; as `Sample.irradiance`."""
-        system = OpticalSystem(self.problem.with_(**{"run.seed": seed}))
-        screen, path = system.target.screen(), system.shaded_path(self.lens)
+        system = System(self.problem.with_(**{"run.seed": seed}))
+        screen, path = system.target.screen(), system.with_lens(self.lens).shaded_path
         light, _ = ray_irradiance(system, path, screen, backend, REFERENCE_RAYS)
         return light.irradiance / screen.projection()
 
@@ -226,12 +228,12 @@ def coarser(image: Floats, projection: Floats, shape: tuple[int, int]) -> Floats
     return mean(image * whole) / mean(whole)
 
 
-def _on_road(system: OpticalSystem, lens: Lens, backend: Backend, rays: int) -> Iterator[tuple[str, Number]]:
+def _on_road(system: System, backend: Backend, rays: int) -> Iterator[tuple[str, Number]]:
     """Yield (name, number) of a road under lamps with the light of a lens.
 
     Its surface scatters evenly: r = q cos(gamma)^3, read from a file as users give it.
     """
-    light = outgoing_intensity(system, lens, backend, rays, ROAD_STEP)
+    light = outgoing_intensity(system, backend, rays, ROAD_STEP)
     parts = [replace(light.luminaire, candela=candela) for candela in light.parts]
     tangents = np.append(np.arange(0, 2, 0.25), np.arange(2, 12.1, 0.5))  # the rows of an r-table
     r = 1e4 * DIFFUSE * (1 + tangents**2) ** -1.5

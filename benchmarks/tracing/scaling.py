@@ -27,7 +27,7 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import AIR, LightPath, Medium, Surface
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.error_measures import exponent
 from thbcad import KnotVector, Lens, THBSpace, THBSurface
 from thbcad.lens import FreeformSurface
@@ -48,24 +48,28 @@ REPEATS = 5
 def rows() -> list[Row]:
     """Return the measured rows."""
     problem = load_problem(ROOT / "examples" / "pearl.toml")
-    system, one = OpticalSystem(problem), load_backend("double", 1)
+    system, one = System(problem), load_backend("double", 1)
     net = _tensor(system, SPANS[-2])
     out = []
-    out += _series("rays", RAYS, [_seconds(system, net, round(n**0.5), one) for n in RAYS])
+    out += _series("rays", RAYS, [_seconds(system.with_lens(net), round(n**0.5), one) for n in RAYS])
     targets = [replace(problem.target, pixels=(n, n)) for n in PIXELS]
-    by_pixels = [OpticalSystem(replace(problem, target=target)) for target in targets]
-    out += _series("pixels", [n * n for n in PIXELS], [_seconds(s, net, MIDDLE, one) for s in by_pixels])
+    by_pixels = [System(replace(problem, target=target)) for target in targets]
+    out += _series(
+        "pixels", [n * n for n in PIXELS], [_seconds(s.with_lens(net), MIDDLE, one) for s in by_pixels]
+    )
     lenses = [_tensor(system, n) for n in SPANS]
     out += _series(
         "coefficients",
         [_dof(lens) for lens in lenses],
-        [_seconds(system, lens, MIDDLE, one) for lens in lenses],
+        [_seconds(system.with_lens(lens), MIDDLE, one) for lens in lenses],
     )
     deep = [_corner(system, n) for n in range(1, LEVELS + 1)]
-    times = [_seconds(system, lens, MIDDLE, one) for lens in deep]
+    times = [_seconds(system.with_lens(lens), MIDDLE, one) for lens in deep]
     out += _series("levels", range(1, LEVELS + 1), times, [f"{_dof(lens)} coefficients" for lens in deep])
     cores = sorted({1, len(os.sched_getaffinity(0))})
-    out += _series("cores", cores, [_seconds(system, net, 1025, load_backend("double", n)) for n in cores])
+    out += _series(
+        "cores", cores, [_seconds(system.with_lens(net), 1025, load_backend("double", n)) for n in cores]
+    )
     load_backend("double", 1)
     return out + _surfaces(one)
 
@@ -89,20 +93,20 @@ def _series(
     return out
 
 
-def _seconds(system: OpticalSystem, lens: Lens, side: int, backend: Backend) -> float:
+def _seconds(system: System, side: int, backend: Backend) -> float:
     """Return the median time of loss and gradient with side x side rays."""
     screen = system.target.screen()
     target = system.target.irradiance(screen, system.problem.source.flux)
-    tracer = Tracer(backend, system.path(lens), system.source.rays((side, side)))
+    tracer = Tracer(backend, system.path, system.source.rays((side, side)))
     objective = Objective(TracedModel(backend, tracer, screen, PixelWindow()), target, 0.0)
-    at = [sag.coefficients for sag in lens.sags]
+    at = [sag.coefficients for sag in system.designed.sags]
     return median_seconds(lambda: objective(at), REPEATS)
 
 
 def _surfaces(backend: Backend) -> list[Row]:
     """Return the times of tracing over few and many surfaces, and of derivatives by all of them, side by
     side."""
-    system, dr = OpticalSystem(load_problem(ROOT / "examples" / "point.toml")), backend.dr
+    system, dr = System(load_problem(ROOT / "examples" / "point.toml")), backend.dr
     rays, times = system.source.rays((MIDDLE, MIDDLE)), dict[tuple[str, int], list[float]]()
     tracers = {n: Tracer(backend, _sheets(system, n), rays) for n in SURFACES}
 
@@ -130,7 +134,7 @@ def _surfaces(backend: Backend) -> list[Row]:
     return out
 
 
-def _sheets(system: OpticalSystem, count: int) -> LightPath:
+def _sheets(system: System, count: int) -> LightPath:
     """Return a path through sheets of glass with rough surfaces, 2 mm apart."""
     rng, space = np.random.default_rng(1), THBSpace(*_knots(system, SPANS[2]))
     half, media = system.base.rear.half_width, (AIR, Medium(system.base.index))
@@ -145,17 +149,17 @@ def _dof(lens: Lens) -> int:
     return sum(sag.space.dim for sag in lens.sags)
 
 
-def _with_space(system: OpticalSystem, space: THBSpace) -> Lens:
+def _with_space(system: System, space: THBSpace) -> Lens:
     """Return the base lens with a sag of zeros in a space."""
     return system.base.with_sags([THBSurface(space, np.zeros(space.dim))])
 
 
-def _tensor(system: OpticalSystem, spans: int) -> Lens:
+def _tensor(system: System, spans: int) -> Lens:
     """Return the base lens with a uniform net of spans x spans cubic cells."""
     return _with_space(system, THBSpace(*_knots(system, spans)))
 
 
-def _corner(system: OpticalSystem, levels: int) -> Lens:
+def _corner(system: System, levels: int) -> Lens:
     """Return the base lens whose corner is refined to a number of levels: the finest knots are as many as if
     all were."""
     space = THBSpace(*_knots(system, 7))
@@ -165,5 +169,5 @@ def _corner(system: OpticalSystem, levels: int) -> Lens:
     return _with_space(system, space)
 
 
-def _knots(system: OpticalSystem, spans: int) -> list[KnotVector]:
+def _knots(system: System, spans: int) -> list[KnotVector]:
     return [KnotVector.uniform(3, spans, -h, h) for h in system.base.rear.half_width]

@@ -48,7 +48,7 @@ def models(folder, backend, changes=None):
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(1, 2), (121, 121), GaussianWindow(SIGMA))
     engines = ExactEngine(backend), camera_engine(1)
-    return *(e.model(system, lens, film) for e in engines), [sag.coefficients for sag in lens.sags]
+    return *(e.model(system.with_lens(lens), film) for e in engines), [sag.coefficients for sag in lens.sags]
 
 
 @pytest.mark.slow
@@ -105,7 +105,7 @@ def test_a_lens_without_reflections_is_refused(tmp_path):
     system = small_system(tmp_path, {"optimizer.fresnel": False})
     film = Film(system.target.screen(), (64, 64), GaussianWindow(1.0))
     with pytest.raises(UserError, match=r"optimizer\.fresnel must be true"):
-        camera_engine(1).model(system, system.base, film)
+        camera_engine(1).model(system, film)
 
 
 @pytest.mark.slow

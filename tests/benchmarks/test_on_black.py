@@ -9,7 +9,7 @@ from benchmarks.designs.on_black import problem_on_black, start_of
 from benchmarks.designs.pictures_on_black import PICTURES, picture
 from optics.base.runtime import load_backend
 from optics.designing.transport import transport_map
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 BACKEND = load_backend("double", 1)
 SIZE, LEVEL = 64, 3
@@ -22,7 +22,7 @@ def system_on_black(folder, name):
     problem = problem_on_black(folder, name, SIZE, LEVEL)
     freeform = replace(problem.lens.rear.freeform, z_freedom=45.0)
     rear = replace(problem.lens.rear, radius=float("inf"), freeform=freeform)
-    return OpticalSystem(replace(problem, lens=replace(problem.lens, rear=rear, thickness=120.0)))
+    return System(replace(problem, lens=replace(problem.lens, rear=rear, thickness=120.0)))
 
 
 @pytest.mark.every(5)

@@ -40,7 +40,7 @@ def own_light():
 def test_a_sphere_sends_light_of_a_source_of_ones_own_back_along_the_way_it_came():
     """So a square of even intensity is one in the chart, whose borders are pixels'."""
     system = optics.System(problem_of(), *own_light())
-    base = system.optical.base
+    base = system.base
     found = system.measure(base)
     # a target takes d Omega / (du dv) ~ 1 - 2 w in the middles of pixels p wide: they lack 8 p^2 / 24 of it
     assert found.metrics["rel_l2"] < 0.025**2 / 3
@@ -60,7 +60,7 @@ def test_a_plane_mirror_keeps_the_slopes_of_light_of_ones_own():
     source = SlopedArea(flux=1.0, distance=40.0, half=3.0, reach=0.9, round=True)
     chart = Stereographic(BACKWARD, per_solid_angle=False)
     system = optics.System(problem_of(**plane), source, chart)
-    found = system.measure(system.optical.base)
+    found = system.measure(system.base)
     u = np.linspace(-0.25, 0.25, 8 * 10 + 1)
     w = ((u[:-1] + u[1:]) / 2) ** 2 + ((u[:-1, None] + u[1:, None]) / 2) ** 2
     even = 4 * (1 + w) / (1 - w) ** 3 / (np.pi * 0.9**2)

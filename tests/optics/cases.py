@@ -14,7 +14,7 @@ from optics.scene.paths import LightPath
 from optics.scene.problem import Problem, load_problem
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Divergence, area_parts, collimated_beam
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import EXAMPLES
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -49,8 +49,8 @@ def store_result(path, problem, lens):
     """Write a result without a solid, as a design that was not verified would."""
     path.mkdir()
     folder = ResultFolder(path)
-    writer = ResultWriter(folder, OpticalSystem(problem))
-    writer.write_design(lens, ())
+    writer = ResultWriter(folder, System(problem).with_lens(lens))
+    writer.write_design(())
     writer.finish(problem, {"ok": True, "verdict": "", "notes": []})
     return folder
 
@@ -187,8 +187,8 @@ def write_problem(folder, changes=None, image=None, drop=(), name="problem.toml"
 
 
 def example_system(name, changes=None):
-    """Return the OpticalSystem of an example; changes : {"table.key": value}."""
-    return OpticalSystem(load_problem(EXAMPLES / f"{name}.toml", changes))
+    """Return the System of an example; changes : {"table.key": value}."""
+    return System(load_problem(EXAMPLES / f"{name}.toml", changes))
 
 
 def small_problem(folder, changes=None, image=None, **more):
@@ -198,7 +198,7 @@ def small_problem(folder, changes=None, image=None, **more):
 
 def small_system(folder, changes=None, image=None, **more):
     """Return the system of the small problem, see `small_problem`."""
-    return OpticalSystem(small_problem(folder, changes, image, **more))
+    return System(small_problem(folder, changes, image, **more))
 
 
 def flat_problem(source, target=(), lens=(), **more):
@@ -217,7 +217,7 @@ def alone(system, wavelength):
     medium = wavelength.media[1]
     light = {"source.spectrum": (), "source.wavelength": wavelength.nm, "lens.indices": ()}
     glass = {"lens.index": medium.index, "lens.absorption": medium.absorption, "lens.absorptions": ()}
-    return OpticalSystem(system.problem.with_(**light, **glass))
+    return System(system.problem.with_(**light, **glass))
 
 
 def small_space(half_width=(10.0, 10.0), degree=3, refined=True):

@@ -29,7 +29,7 @@ def step_irradiance(system: System, lens: Lens, rays: tuple[int, int], sigma: fl
         path = Path(folder) / "lens.step"
         write_step(lens, path)
         file = read_step(path)
-    optical = system.optical
+    optical = system
     sent = single_rays(optical.source.rays(rays), lens)
     landing = trace_step(
         file, sent.origin.T, sent.direction.T, sent.flux, lens.index, optical.target.receiver

@@ -76,7 +76,7 @@ class Batch:
 def adam_batches(system: System, plan: Plan) -> Iterator[Batch]:
     """Yield every batch of a system with a free rear and a fixed front."""
     engine = plan.engine or ExactEngine(load_backend("double", system.problem.run.threads), soft_rim=0.0)
-    bound = system.optical.freeforms[-1].freedom
+    bound = system.freeforms[-1].freedom
     space = system.space(plan.first_level)
     sag = THBSurface(space, np.zeros(space.dim))
     for level, step in enumerate(plan.steps, plan.first_level):
@@ -103,7 +103,7 @@ def _ended(
     noise = np.random.default_rng(space.dim).standard_normal(len(indicator))
     indicator *= np.maximum(1 + plan.noise * noise, 0)
     return Batch(
-        lens=system.optical.base.with_sags([sag]),
+        lens=system.base.with_sags([sag]),
         before=before,
         sag=sag,
         training=training,

@@ -14,7 +14,7 @@ from benchmarks.thesis.records import Found
 from optics.base.runtime import load_backend
 from optics.reporting.figures import draw_solid, scene_view
 from optics.reporting.view import View, oblique, scene_paths, solid_faces
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Lens
 
 if TYPE_CHECKING:
@@ -84,17 +84,17 @@ def lens_views(before: Lens, after: Lens) -> bytes:
     return png(figure)
 
 
-def last_lens(system: OpticalSystem, found: Found) -> Lens:
+def last_lens(system: System, found: Found) -> Lens:
     """Return the lens that a run of batches ended with."""
     return system.base.with_sags([unpacked(found.arrays["sag"])])
 
 
-def scene(system: OpticalSystem, found: Found) -> bytes:
+def scene(system: System, found: Found) -> bytes:
     """Return source, lens and lit target as PNG."""
     lens = last_lens(system, found)
-    paths = scene_paths(system, lens, load_backend("double", None))
+    paths = scene_paths(system.with_lens(lens), load_backend("double", None))
     light = np.asarray(found.arrays["light"], dtype=float)
-    return few_colours(scene_view(system, lens, light, paths), SCENE)
+    return few_colours(scene_view(system.with_lens(lens), light, paths), SCENE)
 
 
 def loss_curves(ax: Axes, runs: dict[str, Found], marked: Sequence[str]) -> None:

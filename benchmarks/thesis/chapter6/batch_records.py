@@ -105,7 +105,7 @@ def unpacked(array: NDArray[np.uint8]) -> THBSurface:
 def _numbers(system: System, batch: Batch, earlier: Floats | None) -> dict[str, Any]:
     """Return the figures of a batch; `earlier` are the gradients of the vertices of the batch before."""
     change = 0.0 if earlier is None else 1 - _cosine(batch.vertices, earlier)
-    pixel = system.optical.target.screen().pixel_area
+    pixel = system.target.screen().pixel_area
     return {
         "loss": batch.loss,
         "first_loss": float(batch.training.losses[0]),

@@ -21,8 +21,7 @@ from optics.base.runtime import load_backend
 from optics.light.analysis import fans
 from optics.reporting.figures import draw_fan
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-from thbcad import Lens
+from optics.scene.system import System
 
 CURVES = {"symmetric mesh": "thb", "mesh not symmetric": "asymmetric", "target filtered too": "filtered"}
 COLUMNS = {
@@ -43,17 +42,17 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     yield "study8_ends", ends({title: results[name] for title, name in COLUMNS.items()}, wanted)
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "extended.toml").with_(**{"target.pixels": pixels})
-    system = OpticalSystem(problem)
+    system = System(problem)
     yield "study8_lens", lens_views(system.base, last_lens(system, thb))
-    yield "study8_fans", _fans(system, last_lens(system, thb))
+    yield "study8_fans", _fans(system.with_lens(last_lens(system, thb)))
     yield "study8_scene", scene(system, thb)
 
 
-def _fans(system: OpticalSystem, lens: Lens) -> bytes:
+def _fans(system: System) -> bytes:
     """Return two fans of rays from the middle of the source through the closed lens, as PNG."""
     figure, axes = plt.subplots(1, 2, figsize=(7.5, 3.6), layout="constrained")
-    for ax, (name, fan) in zip(axes, fans(system, lens, load_backend("double", None)).items()):
-        draw_fan(ax, lens, fan)
+    for ax, (name, fan) in zip(axes, fans(system, load_backend("double", None)).items()):
+        draw_fan(ax, system.designed, fan)
         ax.set_title(name, fontsize=9)
         ax.set(xlabel="z / mm", ylabel="y / mm")
     return png(figure)

@@ -18,7 +18,7 @@ from benchmarks.thesis.chapter6.batch_pictures import (
 from benchmarks.thesis.drawing import plt, png
 from benchmarks.thesis.records import Results
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def pictures(results: Results) -> Iterator[tuple[str, bytes]]:
     yield "study7_controls", ends({title: results[name] for title, name in COLUMNS.items()}, wanted)
     pixels = list(wanted.shape[::-1])
     problem = load_problem(EXAMPLES / "thesis" / "pearl.toml").with_(**{"target.pixels": pixels})
-    system = OpticalSystem(problem)
+    system = System(problem)
     yield "study7_lens", lens_views(system.base, last_lens(system, thb))
     yield "study7_scene", scene(system, thb)
 

@@ -27,7 +27,7 @@ from optics.base.runtime import load_backend
 from optics.light.analysis import Measurement
 from optics.light.tracing import Tracer
 from optics.scene.problem import Refinement
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Lens
 
 DOF = (100, 161, 387, 1297, 3818, 11955)  # of Table 6.2
@@ -116,9 +116,9 @@ def _lost(lens: Lens, found: Measurement) -> Found:
         slice(*(round(f * rows) for f in GAP_ROWS)),
         slice(*(round(f * columns) for f in GAP_COLUMNS)),
     )
-    system = OpticalSystem(_problem("thesis/pearl", columns))
+    system = System(_problem("thesis/pearl", columns))
     rays = system.source.rays((MAPPED, MAPPED))
-    tracer = Tracer(load_backend("double", None), system.path(lens), rays)
+    tracer = Tracer(load_backend("double", None), system.with_lens(lens).path, rays)
     _, landing = tracer.trace([sag.coefficients for sag in lens.sags])
     x, y, flux = (a.numpy().reshape(MAPPED, MAPPED) for a in (landing.x, landing.y, landing.flux))
     missed = (np.abs(x) > system.target.settings.half_width[0]) | (

@@ -12,7 +12,7 @@ from benchmarks.thesis.records import Found, Numbers
 from optics.base.runtime import load_backend
 from optics.light.analysis import fans
 from optics.light.tracing import SENTENCES
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import Lens
 
 PICTURE = Picture(
@@ -29,11 +29,11 @@ MARGIN = 0.35  # of the lens's size, around it
 Floats = NDArray[np.float64]
 
 
-def traced(system: OpticalSystem, lens: Lens) -> Found:
+def traced(system: System) -> Found:
     """Return angle and fate of every ray, by fan, and their paths with the outline of the lens."""
     numbers: dict[str, dict[str, list[float] | list[str]]] = {}
-    arrays = {"outline": _outline(lens)}
-    for k, (name, paths) in enumerate(fans(system, lens, load_backend()).items()):
+    arrays = {"outline": _outline(system.designed)}
+    for k, (name, paths) in enumerate(fans(system, load_backend()).items()):
         starts = [path.points[1] - path.points[0] for path in paths]
         angles = [float(np.degrees(np.arctan2(start[1], start[2]))) for start in starts]
         numbers[name] = {"angles": angles, "fates": [path.fate for path in paths]}

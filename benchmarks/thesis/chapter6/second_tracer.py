@@ -30,7 +30,7 @@ def step_loss(system: System, lens: Lens, wanted: Floats, rays: tuple[int, int],
     wanted : T, (rows, columns), W/mm^2.  rays : of the source, as the optimiser takes them.
     sigma : of the Gaussian in which the light is measured, pixels.
     """
-    optical = system.optical
+    optical = system
     bundle = single_rays(optical.source.rays(rays), lens)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "lens.step"

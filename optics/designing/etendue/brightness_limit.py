@@ -17,7 +17,7 @@ import numpy as np
 
 from optics.designing.etendue.silhouette import pixel_etendue
 from optics.designing.etendue.throughput_bound import radiance
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import EPS, Floats
 
 CURVE = tuple(k / 10 for k in range(1, 11))  # efficiencies
@@ -80,7 +80,7 @@ class UniversalBound:
         return [(efficiency, self.least_rel_l2(efficiency)) for efficiency in CURVE]
 
 
-def universal_bound(system: OpticalSystem) -> UniversalBound:
+def universal_bound(system: System) -> UniversalBound:
     """Return the UniversalBound of a problem with a Lambertian source and a known z_freedom."""
     screen = system.target.screen()
     projection = screen.projection()

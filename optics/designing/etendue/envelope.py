@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from optics.scene.problem import freedom_of
-from optics.scene.system import OpticalSystem, body_options
+from optics.scene.system import System, body_options
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface
 from thbcad.moulds import LAND_STEP
@@ -26,7 +26,7 @@ SIGNS = (1, 1), (1, -1), (-1, 1), (-1, -1)
 Offsets: TypeAlias = list[tuple[Floats | float, Floats | float]]
 
 
-def envelope(system: OpticalSystem) -> Floats:
+def envelope(system: System) -> Floats:
     """Return points whose convex hull holds all faces of the last element, in its frame, (n, 3) mm.
 
     z_freedom must be known.
@@ -38,18 +38,18 @@ def envelope(system: OpticalSystem) -> Floats:
     return points[ConvexHull(points).vertices]
 
 
-def _last_faces(system: OpticalSystem) -> list[tuple[FreeformSurface, float, float]]:
+def _last_faces(system: System) -> list[tuple[FreeformSurface, float, float]]:
     """Return the faces of the last element that light meets: surface, z of its vertex, and freedom, mm."""
     met = system.problem.faces_met
     optic, used = met[-1].optic, {face.face for face in met if face.optic is met[-1].optic}
-    (lens,) = (body for other, body in system.elements(system.base) if other is optic)
+    (lens,) = (body for other, body in system.unshaped.elements if other is optic)
     faces = [(lens.front, 0.0, freedom_of(optic.front)), (lens.rear, lens.thickness, freedom_of(optic.rear))]
     if "rear" in used:
         return faces
     return [(lens.front, 0.0, max(freedom_of(optic.front), THIN * min(lens.front.half_width)))]
 
 
-def _land(system: OpticalSystem) -> list[tuple[FreeformSurface, float]]:
+def _land(system: System) -> list[tuple[FreeformSurface, float]]:
     """Return the larger face of the last element's body with the z of its land, mm; none without land.
 
     A land that is left to the program lies outside of the rim of the smaller face, which z_freedom moves.
@@ -119,7 +119,7 @@ def _fan(rim: Floats, half_width: tuple[float, float]) -> tuple[Floats, Floats, 
     return middle[..., 0], middle[..., 1], [((c - middle)[..., 0], (c - middle)[..., 1]) for c in corners]
 
 
-def points_within(system: OpticalSystem) -> Floats:
+def points_within(system: System) -> Floats:
     """Return points of all last elements: of their faces at both ends of z_freedom, (n, 3) mm."""
     at, points = np.linspace(-1, 1, SAMPLES), []
     ends = [(face, vertex + i * freedom, 1) for face, vertex, freedom in _last_faces(system) for i in (-1, 1)]

@@ -16,8 +16,7 @@ from optics.designing.etendue.throughput_bound import (
 )
 from optics.light.analysis import passing_share
 from optics.scene.problem import freedom_of
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 LEAST_PIXELS = 4  # in each direction, that merging leaves
 DIGITS = 4  # of what is printed, rounded so that a bound stays one
@@ -74,25 +73,23 @@ class OneBlur:
     filled: float = 1.0
 
 
-def usual_efficiency(system: OpticalSystem, universal: UniversalBound | None = None) -> float:
+def usual_efficiency(system: System, universal: UniversalBound | None = None) -> float:
     """Return the efficiency at which a problem is judged before there is a lens.
 
     It is that of all light on the first face, of which every face passes what it does at normal incidence, or
     what can arrive where that is less.  It is no bound.
     """
-    (share,) = passing_share(system.path(system.base)).values()
+    (share,) = passing_share(system.unshaped.path).values()
     usual = (1.0 if share is None else share) * front_fraction(system)
     return usual if universal is None else min(usual, universal.most_on_target / universal.flux)
 
 
-def one_blur_tells(system: OpticalSystem) -> bool:
+def one_blur_tells(system: System) -> bool:
     """Return whether one blur everywhere is a model of a system: of one source and a lens on the axis."""
     return system.axial and system.problem.source.lone
 
 
-def one_blur(
-    system: OpticalSystem, lens: Lens, efficiency: float, care: Care = SEARCH, any_form: bool = True
-) -> OneBlur:
+def one_blur(system: System, efficiency: float, care: Care = SEARCH, any_form: bool = True) -> OneBlur:
     """Return the bound for lenses of one blur, with a rear of this lens's area and at least this efficiency.
 
     An irradiance nearer to the target comes in larger images.  Lenses worse than rel_l2 = e need no other
@@ -102,7 +99,7 @@ def one_blur(
     any_form : uniform images of any proportions; otherwise the source's own
     """
     for error in NEAR:
-        half_width = image_half_width(system, lens, efficiency, error)
+        half_width = image_half_width(system, efficiency, error)
         images = images_bound(system, half_width, care, any_form)
         if images.bound.lower_bound <= error:
             break
@@ -110,7 +107,7 @@ def one_blur(
 
 
 def images_bound(
-    system: OpticalSystem, half_width: tuple[float, float], care: Care = SEARCH, any_form: bool = True
+    system: System, half_width: tuple[float, float], care: Care = SEARCH, any_form: bool = True
 ) -> OneBlur:
     """Return the bound of a problem's target for alike images of the source at least so large.
 
@@ -131,7 +128,7 @@ def images_bound(
     return OneBlur(half_width, (wide, high), bound, 1.0 if any_form else system.source.image[0].area / 4)
 
 
-def one_blur_sentence(system: OpticalSystem) -> str:
+def one_blur_sentence(system: System) -> str:
     """Return what one blur everywhere means for a source."""
     form = FORMS[system.source.image[0].kind]
     return (
@@ -140,7 +137,7 @@ def one_blur_sentence(system: OpticalSystem) -> str:
     )
 
 
-def stretchable(system: OpticalSystem) -> bool:
+def stretchable(system: System) -> bool:
     """Whether images of any proportions can be bounded: those of a uniform rectangle."""
     return system.source.image[0].kind == "uniform"
 
@@ -152,7 +149,7 @@ class EtendueNotes(NamedTuple):
     background: list[str]
 
 
-def etendue_notes(system: OpticalSystem) -> EtendueNotes:
+def etendue_notes(system: System) -> EtendueNotes:
     """Return sentences on what etendue says about a problem; none for sources without extent.
 
     The blur of a beam is known, and needs no bound.  That of a lens off the axis, or of a mirror, is no
@@ -168,7 +165,7 @@ def etendue_notes(system: OpticalSystem) -> EtendueNotes:
     (notes.background if free else notes.limits).extend(said)
     if system.source.diverging or not one_blur_tells(system):
         return notes
-    images = one_blur(system, system.base, efficiency, SEARCH_QUICK, stretchable(system))
+    images = one_blur(system.unshaped, efficiency, SEARCH_QUICK, stretchable(system))
     _place(
         notes,
         images,
@@ -184,7 +181,7 @@ def _place(notes: EtendueNotes, images: OneBlur, sentence: str) -> None:
     (notes.limits if forbids else notes.background).append(sentence)
 
 
-def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]) -> EtendueNotes:
+def reached_sentences(system: System, metrics: dict[str, Any]) -> EtendueNotes:
     """Return sentences on what etendue says about a finished design; none where it sets no limit.
 
     metrics : rel_l2_debiased and efficiency of the design
@@ -202,11 +199,10 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     if system.source.diverging or not one_blur_tells(system):
         return notes
     forms = [(True, SEARCH_QUICK)] * stretchable(system) + [(False, FIXED_QUICK)]
-    model = (
-        f"{one_blur_sentence(system)}, {rear_area(lens):.4g} mm^2 as this lens has it; at this efficiency "
-    )
+    area = f"{rear_area(system.designed):.4g} mm^2 as this lens has it"
+    model = f"{one_blur_sentence(system)}, {area}; at this efficiency "
     for any_form, care in forms:
-        images = one_blur(system, lens, efficiency, care, any_form)
+        images = one_blur(system, efficiency, care, any_form)
         left = "; this lens lies below and left the class: its images of the source are not all alike"
         below = rel_l2 < images.bound.lower_bound
         _place(notes, images, model + blur_sentence(images, any_form) + (left if below else ""))
@@ -214,7 +210,7 @@ def reached_sentences(system: OpticalSystem, lens: Lens, metrics: dict[str, Any]
     return notes
 
 
-def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficiency: float) -> str:
+def universal_sentence(system: System, universal: UniversalBound, efficiency: float) -> str:
     """Return the universal bound in one sentence, with its class."""
     problem, least = system.problem, universal.least_rel_l2(efficiency)
     last = problem.faces_met[-1].optic
@@ -232,14 +228,14 @@ def universal_sentence(system: OpticalSystem, universal: UniversalBound, efficie
     return f"by etendue no {noun} {envelope}{all_ways} brings {brought}{below}"
 
 
-def _noun(system: OpticalSystem) -> str:
+def _noun(system: System) -> str:
     """Return what the universal bound is one of all."""
     if system.lone_lens:
         return "solid"
     return system.problem.optic.noun if len(system.problem.optics) == 1 else "row"
 
 
-def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[str]:
+def universal_lines(system: System, universal: UniversalBound) -> list[str]:
     """Return sentences on the most light of these lenses, and on the picture itself."""
     flux, density = system.units.flux, system.density
     exact, noun = universal.exact_efficiency, _noun(system)
@@ -252,7 +248,7 @@ def universal_lines(system: OpticalSystem, universal: UniversalBound) -> list[st
     ]
 
 
-def curve_sentence(system: OpticalSystem, universal: UniversalBound) -> str:
+def curve_sentence(system: System, universal: UniversalBound) -> str:
     """Return the least rel_l2 of any such lens over the efficiency, in one sentence."""
     curve = universal.curve()
     free = [efficiency for efficiency, least in curve if least == 0]
@@ -273,7 +269,7 @@ def blur_sentence(images: OneBlur, any_form: bool = True) -> str:
     )
 
 
-def base_rear(system: OpticalSystem) -> str:
+def base_rear(system: System) -> str:
     """Return words for the area of the rear before there is a design."""
     freedom, area = freedom_of(system.problem.optic.rear), f"{rear_area(system.base):.4g} mm^2"
     if not freedom:

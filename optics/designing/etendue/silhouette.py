@@ -39,7 +39,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from optics.designing.etendue.envelope import SIGNS, envelope, points_within
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, pose_of
+from optics.scene.system import System, pose_of
 from thbcad.checks import Floats
 from thbcad.poses import IDENTITY, Pose
 
@@ -49,7 +49,7 @@ NODES, LOOKED_AT = 3, 8  # each way: in a pixel, pixels on the target
 OUTWARD = 1 + 1e-6  # the rounding of P is about EPS times distance over size, 1e-8 in the extreme
 
 
-def pixel_etendue(system: OpticalSystem) -> Floats:
+def pixel_etendue(system: System) -> Floats:
     """Return an upper bound of the etendue between the envelope and every pixel, (rows, columns) mm^2 sr."""
     (pose, z), screen = _before_target(system), system.target.screen()
     points = _moved(envelope(system), pose)
@@ -66,7 +66,7 @@ def pixel_etendue(system: OpticalSystem) -> Floats:
     return OUTWARD * part.reshape(rows, parts, columns, parts).sum(axis=(1, 3))
 
 
-def _before_target(system: OpticalSystem) -> tuple[Pose, float]:
+def _before_target(system: System) -> tuple[Pose, float]:
     """Return the pose of the last element in a frame whose z goes through the target, and the target's z."""
     receiver = system.target.receiver
     if system.axial:
@@ -176,7 +176,7 @@ def _tangents(screen: Screen) -> tuple[Floats, Floats]:
     return a, -b
 
 
-def greatest_slack(system: OpticalSystem, etendue: Floats) -> float:
+def greatest_slack(system: System, etendue: Floats) -> float:
     """Return how many times what the envelope fills a bound is, at most of pixels all over the target.
 
     The envelope is sampled from within, by points of its surfaces within their outlines.  Gauss's rule takes

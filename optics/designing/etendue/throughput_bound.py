@@ -32,7 +32,7 @@ from optics.designing.etendue.envelope import rim_around
 from optics.scene.problem import freedom_of
 from optics.scene.receivers import Plane
 from optics.scene.sources import Profile, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.outlines import Outline, area_rule
@@ -66,7 +66,7 @@ class Throughput:
     meets_front: float
 
 
-def throughput(system: OpticalSystem) -> Throughput:
+def throughput(system: System) -> Throughput:
     """Return the Throughput of a problem.  Of the lens only the front and the width of the rear matter."""
     problem = system.problem
     etendue, fraction = system.source.etendue, front_fraction(system)
@@ -79,14 +79,14 @@ def throughput(system: OpticalSystem) -> Throughput:
     )
 
 
-def bounds_hold(system: OpticalSystem) -> bool:
+def bounds_hold(system: System) -> bool:
     """Return whether etendue bounds the light of a system: its source has extent, its target is no curve, and
     it is one lens."""
     receiver, alone = system.target.receiver, system.problem.optic.array is None
     return bool(system.source.etendue) and alone and (receiver.far_field or isinstance(receiver, Plane))
 
 
-def radiance(system: OpticalSystem) -> float:
+def radiance(system: System) -> float:
     """Return the greatest radiance of the source, W / (mm^2 sr); inf without extent."""
     etendue = system.source.etendue
     return system.problem.flux * brightest(system.source.profile) / etendue if etendue else inf
@@ -104,13 +104,13 @@ def brightest(profile: Profile) -> float:
     return profile.area / 4 * float(profile(np.zeros(1), np.zeros(1))[0])
 
 
-def front_fraction(system: OpticalSystem) -> float:
+def front_fraction(system: System) -> float:
     """Return the fraction of the source's flux that meets the first face, by a fixed set of rays.
 
     A ray meets the graph z(x, y) over the outline if it is below the graph where it enters the prism of the
     outline, and above it where it leaves the prism.
     """
-    rays, first = system.source.rays(RAYS), system.path(system.base).surfaces[0]
+    rays, first = system.source.rays(RAYS), system.unshaped.path.surfaces[0]
     if not isinstance(rays, Rays):
         return rays.total / (rays.total + rays.missed)
     front, rays = first.shape, rays.posed(first.pose.inverse())
@@ -126,7 +126,7 @@ def front_fraction(system: OpticalSystem) -> float:
     return float(rays.flux[inside & ~above[0] & above[1]].sum() / rays.total)
 
 
-def aperture_etendue(system: OpticalSystem) -> float:
+def aperture_etendue(system: System) -> float:
     """Return the etendue of all rays from the rear aperture to the target, mm^2 sr.
 
     The aperture is taken as flat, within the rear's outline.  The projected solid angle of a rectangle seen
@@ -158,7 +158,7 @@ def rear_area(lens: Lens) -> float:
     )
 
 
-def spread(system: OpticalSystem) -> Floats:
+def spread(system: System) -> Floats:
     """Return the least D^2 / cos^3(theta) of every pixel as seen from the rear, (rows, columns) mm^2.
 
     It is (D^2 + r^2)^(3/2) / D, with the lateral distance r of the pixel's nearest point from the aperture.
@@ -208,9 +208,7 @@ def _corner(x: Floats, y: Floats) -> Floats:
     return (x / wide * np.arctan(y / wide) + y / tall * np.arctan(x / tall)) / 2
 
 
-def image_half_width(
-    system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float
-) -> tuple[float, float]:
+def image_half_width(system: System, efficiency: float, rel_l2: float) -> tuple[float, float]:
     """Return half the width and height of an image of `image_area` in the proportions of the source.
 
     In mm, in the far field in degrees.
@@ -219,17 +217,17 @@ def image_half_width(
     of_unit = profile.area * hx * hy
     if system.source.diverging:  # the etendue of a beam counts its brightest direction
         of_unit /= brightest(profile)
-    scale = np.sqrt(image_area(system, lens, efficiency, rel_l2) / of_unit)
+    scale = np.sqrt(image_area(system, efficiency, rel_l2) / of_unit)
     return float(scale * hx), float(scale * hy)
 
 
-def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: float) -> float:
+def image_area(system: System, efficiency: float, rel_l2: float) -> float:
     """Return the least area of the images of a lens that throws the same image through all of its rear, mm^2.
 
     It is the a of this module, in the far field in square degrees: for the least mean of D^2 / cos^3 over all
     irradiances of that rel_l2, in the far field over any light on the target.
 
-    lens : its rear's area counts.  The rear lies within the z_freedom of the problem.
+    The area of the designed rear counts, which lies within the z_freedom of the problem.
     efficiency : fraction of the source's flux that the lens brings to the target, at least
     rel_l2 : of the lens, at most
     """
@@ -241,7 +239,7 @@ def image_area(system: OpticalSystem, lens: Lens, efficiency: float, rel_l2: flo
         mean = least_mean(values, picture / picture.mean(), rel_l2)
     else:
         mean = float(values.min())
-    return mean * used / rear_area(lens)
+    return mean * used / rear_area(system.designed)
 
 
 def least_mean(values: Floats, picture: Floats, rel_l2: float) -> float:

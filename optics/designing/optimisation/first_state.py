@@ -12,8 +12,8 @@ from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State, first_sags
 from optics.designing.starts import StartQuality, TransportFit, TransportStart, start_quality
 from optics.light.engines import Engine
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens, require_sound
+from optics.scene.system import System
+from thbcad.lens import require_sound
 from thbcad.surfaces import THBSurface
 
 INSTEAD = "; the design starts from the base surface instead"
@@ -24,7 +24,7 @@ FAR_OFF = "; the design may end far from the target"
 class StartChoice:
     """Whether a design starts from the surface of its transport map."""
 
-    system: OpticalSystem
+    system: System
     backend: Backend
     start: TransportStart
 
@@ -65,7 +65,7 @@ class StartChoice:
 
 
 def first_state(
-    system: OpticalSystem, start: TransportStart | None, flux: float, engine: Engine
+    system: System, start: TransportStart | None, flux: float, engine: Engine
 ) -> tuple[State, TransportFit | None]:
     """Return the state of a new run, and the fit of the transport map, if any.
 
@@ -82,14 +82,14 @@ def first_state(
     target = system.target.irradiance(stage.screen, flux)
 
     def loss(state: State) -> float:
-        objective = stage_objective(*with_sags(system, state.sags), stage, target, engine)
+        objective = stage_objective(with_sags(system, state.sags), stage, target, engine)
         return objective([sag.coefficients for sag in state.sags]).loss
 
     return min(cut, flat, key=loss), fit
 
 
 def transport_start(
-    system: OpticalSystem,
+    system: System,
     backend: Backend,
     state: State | None,
     note: Callable[[str], object],
@@ -121,13 +121,13 @@ def transport_start(
     return None if choice.useless else start
 
 
-def _bending_is_limited(system: OpticalSystem) -> bool:
+def _bending_is_limited(system: System) -> bool:
     """Return whether the problem limits curvature, so that a last level needs the surface of the map."""
     limits = system.problem.limits
     return bool(limits.radius or limits.concave_radius)
 
 
-def first_fit(system: OpticalSystem, start: TransportStart) -> TransportFit:
+def first_fit(system: System, start: TransportStart) -> TransportFit:
     """Return the fit on the first mesh of a design, some of whose functions stay in all that follow."""
     return start.fit(first_sags(system, from_transport=True)[-1].space)
 
@@ -138,26 +138,26 @@ def fitted(state: State, start: TransportStart) -> tuple[State, TransportFit]:
     return replace(state, sags=(*state.sags[:-1], fit.sag)), fit
 
 
-def with_sags(system: OpticalSystem, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
-    """Return the system and its lens with other sags, proven.
+def with_sags(system: System, sags: Sequence[THBSurface]) -> System:
+    """Return the system with other sags, proven.
 
     Raises NumericalError : an element cannot exist.
     """
     try:
-        return sound_with(system, system.base, sags)
+        return sound_with(system, sags)
     except ValueError as error:
         raise NumericalError(
             f"the optimised lens cannot exist: {error}; lower z_freedom of the free surfaces"
         ) from None
 
 
-def sound_with(system: OpticalSystem, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
-    """Return a system and its lens with other sags; raise as `require_sound` of its elements."""
-    system, lens = system.with_sags(lens, sags)
-    elements = system.free_elements(lens)
+def sound_with(system: System, sags: Sequence[THBSurface]) -> System:
+    """Return a system with other sags; raise as `require_sound` of its elements."""
+    shaped = system.with_sags(sags)
+    elements = shaped.free_elements
     for optic, shape in elements:
         try:
             require_sound(shape)
         except ValueError as error:
             raise ValueError(f"{optic.called}: {error}" if len(elements) > 1 else str(error)) from None
-    return system, lens
+    return shaped

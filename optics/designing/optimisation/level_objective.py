@@ -27,9 +27,8 @@ from optics.light.measuring import Mirrors
 from optics.scene.limits import KEPT_THICKNESS, feature_levels
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import BSplineWindow, GaussianWindow, PixelWindow, with_mirror_images
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats, Integers
-from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 REPLICATES = 4  # of light by other ways: windows and the optimiser's steps smooth what noise is left
@@ -66,16 +65,16 @@ def window_named(problem: Problem, name: str) -> PixelWindow | BSplineWindow | G
     return windows[name]
 
 
-def can_cross(system: OpticalSystem) -> list[bool]:
+def can_cross(system: System) -> list[bool]:
     """Return of every free element whether sags within z_freedom can make its surfaces cross."""
     return [
         base.least_thickness().lower <= sum(f.freedom for f in optic.free.values())
-        for optic, base in system.shaped_as({}).free_elements(system.base)
+        for optic, base in system.unshaped.free_elements
     ]
 
 
 def stage_film(
-    system: OpticalSystem, stage: Stage, axes: Sequence[int] = (), fresh: tuple[int, ...] | None = None
+    system: System, stage: Stage, axes: Sequence[int] = (), fresh: tuple[int, ...] | None = None
 ) -> Film:
     """Return what an engine is to measure on a stage.  axes, fresh : as of `Film`."""
     if stage.exact:
@@ -85,8 +84,7 @@ def stage_film(
 
 
 def stage_objective(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     stage: Stage,
     target: Floats,
     engine: Engine,
@@ -100,14 +98,14 @@ def stage_objective(
     fresh : as of `Film`.
     background : light of other ways.
     """
-    axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags(lens))]
+    axes = [a for a in axes if all(Mirrors(sag.space, axes).keeps(a) for sag in system.sags)]
     engine = sharp_engine(engine) if stage.aimed else engine
-    model = engine.model(system, lens, stage_film(system, stage, axes, fresh))
+    model = engine.model(system, stage_film(system, stage, axes, fresh))
     zones = None if stage.aimed else ZoneLoss.of(system.target, model.screen)
     around = None if background is None else background.image
     if background and background.within:
         model = JointModel(model, background.within, background.before)
-    return penalised_objective(system, lens, model, target, around, stage.far_sighted, zones, stage.parts)
+    return penalised_objective(system, model, target, around, stage.far_sighted, zones, stage.parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,31 +124,28 @@ class Background:
     before: Floats | float = 0.0
 
 
-def background(
-    system: OpticalSystem, backend: Backend, lens: Lens, film: Film, fixed: bool = True
-) -> Background | None:
+def background(system: System, backend: Backend, film: Film, fixed: bool = True) -> Background | None:
     """Return what a lens sends to a film by other ways than front and rear; None where it is negligible.
 
     It is averaged with its mirror images in the film's axes.
     fixed : it counts where it cannot follow the rear, too: light in cells or blurred, a rear without a sag.
     """
-    sag = lens.rear.sag
+    sag = system.designed.rear.sag
     follows = sag is not None and film.window is not None and not system.blurred
     if not (system.by_edges and (follows or fixed)):
         return None
-    other = nonsequential_light(system, lens, film.screen, backend.with_precision("double"), REPLICATES)
+    other = nonsequential_light(system, film.screen, backend.with_precision("double"), REPLICATES)
     if other.negligible:
         return None
     image = with_mirror_images(other.light.irradiance, film.axes) / 2 ** len(film.axes)
     if not follows or sag is None or other.onto_rear is None:
         return Background(image)
-    within = light_within(backend, system.own_path(lens), other.onto_rear, film)
+    within = light_within(backend, system.own_path, other.onto_rear, film)
     return Background(image, within, within.image([sag.coefficients]))
 
 
 def penalised_objective(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     model: LightModel,
     target: Floats,
     background: Floats | None = None,
@@ -160,7 +155,7 @@ def penalised_objective(
 ) -> Objective:
     """Return the Objective of a light model with the penalties of a problem."""
     options, limits, shapes = system.problem.optimizer, system.problem.limits, []
-    for (optic, shape), crosses in zip(system.free_elements(lens), can_cross(system)):
+    for (optic, shape), crosses in zip(system.free_elements, can_cross(system)):
         kept = crosses and not limits.thickness
         own = replace(limits, thickness=KEPT_THICKNESS * shape.thickness) if kept else limits
         shapes.append(limited_part(optic, shape, own))
@@ -178,18 +173,18 @@ def penalised_objective(
 
 
 def marked_cells(
-    system: OpticalSystem, lens: Lens, stage: Stage, axes: Sequence[int], indicators: Indicators
+    system: System, stage: Stage, axes: Sequence[int], indicators: Indicators
 ) -> list[dict[int, Integers]]:
     """Return the cells of every free surface to refine after a level ({} after the last)."""
     problem = system.problem
-    sags = system.sags(lens)
+    sags = system.sags
     if stage.level == last_level(problem):
         return [{}] * len(sags)
     alpha, out = per_level(problem.refinement.alpha, stage.level), []
     if system.source.several:  # a map of one source does not tell where their light needs detail
         alpha = 0.0
     for surface, sag, finest, indicator in zip(
-        system.free_surfaces(lens), sags, feature_levels(problem), indicators(lens, stage)
+        system.free_surfaces, sags, feature_levels(problem), indicators(system, stage)
     ):
         indicator, near = Mirrors(sag.space, axes).of_cells(indicator), near_cells(sag.space, surface.outline)
         out.append(mark(sag.space, indicator, alpha, min(stage.level + 1, finest), near))
@@ -200,55 +195,54 @@ def marked_cells(
 class Indicators:
     """The refinement indicators of a design.
 
-    Called with (Lens, Stage) they return numbers per leaf cell of every free surface.  Only the last one has
-    slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
+    Called with (system, Stage) they return numbers per leaf cell of every free surface.  Only the last one
+    has slopes to compare with, after a transport start: "slope" takes vertex gradients for the rest.
     """
 
-    system: OpticalSystem
     engine: Engine
     target: Floats
     start: TransportStart | None
 
-    def __call__(self, lens: Lens, stage: Stage) -> list[Floats]:
-        indicator = self.system.problem.refinement.indicator
+    def __call__(self, system: System, stage: Stage) -> list[Floats]:
+        indicator = system.problem.refinement.indicator
         if indicator == "decrease":
-            sags = self.system.sags(lens)
-            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(sags, self.system.freeforms)]
+            sags = system.sags
+            spaces = [refined_once(sag.space, f.finest) for sag, f in zip(sags, system.freeforms)]
             finer = [
                 THBSurface(space, sag.space.prolongation(space) @ sag.coefficients)
                 for sag, space in zip(sags, spaces)
             ]
-            objective = self._objective(*self.system.with_sags(lens, finer), stage)
+            objective = self._objective(system.with_sags(finer), stage)
             coefficients = [sag.coefficients for sag in finer]
             gradients = objective(coefficients).gradients
-            probes = zip(*objective.curvature(coefficients, PROBES, self.system.problem.run.seed))
+            probes = zip(*objective.curvature(coefficients, PROBES, system.problem.run.seed))
             return [
                 promised_decrease(sag.space, space, g, p)
                 for sag, space, g, p in zip(sags, spaces, gradients, probes)
             ]
         if indicator == "vertex" or not self.start:
-            return self.vertex(lens, stage)
-        misfit = np.sqrt(self.start.misfit(lens.sags[-1]))
-        return [misfit] if len(self.system.freeforms) == 1 else [*self.vertex(lens, stage)[:-1], misfit]
+            return self.vertex(system, stage)
+        misfit = np.sqrt(self.start.misfit(system.sags[-1]))
+        return [misfit] if len(system.freeforms) == 1 else [*self.vertex(system, stage)[:-1], misfit]
 
-    def vertex(self, lens: Lens, stage: Stage) -> list[Floats]:
+    def vertex(self, system: System, stage: Stage) -> list[Floats]:
         """Return the sum of the vertex gradients over every leaf cell of every free surface (thesis 6.2)."""
-        rectangles = [surface.half_width for surface in self.system.free_surfaces(lens)]
-        spans = [f.spans for f in self.system.freeforms]
+        rectangles = [surface.half_width for surface in system.free_surfaces]
+        spans = [f.spans for f in system.freeforms]
         knots = [
             vertex_knots(h, [_vertices(n, s) for n, s in zip(stage.rays, row)])
             for h, row in zip(rectangles, spans)
         ]
-        sags = self.system.sags(lens)
-        objective = self._objective(self.system, lens, stage)
+        sags = system.sags
+        objective = self._objective(system, stage)
         gradients = objective.vertex_gradients([sag.coefficients for sag in sags], knots)
         return [
             summed_over_cells(sag.space, kv_x.greville(), kv_y.greville(), gradient)
             for sag, (kv_x, kv_y), gradient in zip(sags, knots, gradients)
         ]
 
-    def _objective(self, system: OpticalSystem, lens: Lens, stage: Stage) -> Objective:
-        return stage_objective(system, lens, stage, self.target, self.engine)
+    def _objective(self, system: System, stage: Stage) -> Objective:
+        return stage_objective(system, stage, self.target, self.engine)
 
 
 def _vertices(rays: int, spans: int) -> int:

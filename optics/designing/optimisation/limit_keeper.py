@@ -23,9 +23,8 @@ from optics.designing.optimisation.stage_search import Found, Interrupted, Log, 
 from optics.designing.penalties import ShapePenalty
 from optics.designing.starts import TransportStart
 from optics.scene.limits import active_sentence, costs_light
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 PASSES = 3  # of the augmented Lagrangian at most
@@ -44,16 +43,15 @@ class LimitKeeper:
 
     def __init__(
         self,
-        system: OpticalSystem,
-        lens: Lens,
+        system: System,
         guide: TransportStart | None,
         note: Callable[[str], object],
         known: TransportStart | None = None,
     ) -> None:
         self._note, self._guide, self._known = note, guide, guide or known
-        self._present = system.sags(lens)
+        self._present = system.sags
         self._wanted = self._present if guide is None else self._of_map(guide)
-        self._shapes = LimitedShapes(system, lens, guide.rear_slopes()[0] if guide else None)
+        self._shapes = LimitedShapes(system, guide.rear_slopes()[0] if guide else None)
         self._penalty = self._shapes.penalty(fine=False)
 
     def _of_map(self, start: TransportStart) -> Sags:

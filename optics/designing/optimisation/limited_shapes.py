@@ -28,9 +28,9 @@ from optics.designing.starts import RearLight
 from optics.light.measuring import symmetry_axes
 from optics.scene.limits import LimitCost, Miss, limit_misses
 from optics.scene.problem import Optic
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens, radii_within
+from thbcad.lens import radii_within
 from thbcad.surfaces import THBSurface
 
 Sags = tuple[THBSurface, ...]
@@ -53,18 +53,18 @@ ACTIVE = 0.02  # of a limit
 
 
 class LimitedShapes:
-    """The limits of a system's problem, and moves of the sags of a lens within them.
+    """The limits of a system's problem, and moves of sags within them.
 
-    lens : whose sags have the spaces of all others.  light : on the last free surface, if known.
+    system : whose sags have the spaces of all others.  light : on the last free surface, if known.
     """
 
-    def __init__(self, system: OpticalSystem, lens: Lens, light: RearLight | None = None) -> None:
-        self._system, self._lens, self._light = system, lens, light
+    def __init__(self, system: System, light: RearLight | None = None) -> None:
+        self._system, self._light = system, light
         self._bounds = [freeform.freedom for freeform in system.freeforms]
 
     def penalty(self, fine: bool) -> ShapePenalty | None:
         """Return the penalty of the limits alone.  fine : at twice as many points each way."""
-        free = self._system.free_elements(self._lens)
+        free = self._system.free_elements
         return shape_penalty([limited_part(o, s, self._system.problem.limits) for o, s in free], fine=fine)
 
     @cached_property
@@ -75,8 +75,8 @@ class LimitedShapes:
 
     @cached_property
     def _variables(self) -> BoundedVariables:
-        outlines = [surface.outline for surface in self._system.free_surfaces(self._lens)]
-        sags = self._system.sags(self._lens)
+        outlines = [surface.outline for surface in self._system.free_surfaces]
+        sags = self._system.sags
         return BoundedVariables(sags, self._bounds, symmetry_axes(self._system), outlines)
 
     def start(self, sags: Sags, penalty: ShapePenalty) -> tuple[Sags, tuple[str, ...], str]:
@@ -98,7 +98,7 @@ class LimitedShapes:
         if cut <= CUT * min(self._bounds):
             return ""
         shaped = self._system.shaped
-        thickness = self._lens.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
+        thickness = self._system.designed.thickness + (heights[-1] if shaped == "rear" else -heights[-1])
         key = self._system.problem.optic.key("thickness")
         return (
             f"to keep the limits the {shaped} moves by {heights[-1]:.2g} mm along z, and z_freedom "
@@ -120,7 +120,7 @@ class LimitedShapes:
         A conic's vertex stays where it is, as far as z_freedom allows.
         """
         problem, ranges = self._system.problem, list[tuple[float, float]]()
-        for optic, _ in self._system.free_elements(self._lens):
+        for optic, _ in self._system.free_elements:
             ranges += [curvature_range(problem.limits, name, ROOM) for name in optic.free]
         found = list[THBSurface]()
         for sag, bound in zip(self._distance(sags).conics(ranges), self._bounds):
@@ -164,12 +164,12 @@ class LimitedShapes:
 
     def active(self, sags: Sags) -> list[Miss]:
         """Return the limits on curvature that surfaces keep with less than a share ACTIVE to spare."""
-        shaped, lens = self._system.with_sags(self._lens, sags)
+        shaped = self._system.with_sags(sags)
         limits = self._system.problem.limits
         nearer = replace(limits, **{key: getattr(limits, key) * (1 + ACTIVE) for key in BENDING})
         found = {
             miss.key: replace(miss, wanted=getattr(limits, miss.key))
-            for optic, shape in shaped.free_elements(lens)
+            for optic, shape in shaped.free_elements
             for miss in limit_misses(
                 replace(shaped.problem, limits=nearer).about(optic), limited_metrics(optic, shape, nearer)
             )
@@ -179,11 +179,11 @@ class LimitedShapes:
 
     def _misses_where_lit(self, sags: Sags) -> list[Miss]:
         """Return the limits that surfaces miss, one of each key; radii count only where light goes."""
-        shaped, lens = self._system.with_sags(self._lens, sags)
+        shaped = self._system.with_sags(sags)
         found, met = dict[str, Miss](), (shaped.problem.optic.called, shaped.shaped)
-        for optic, miss in _curable_misses(shaped, lens):
+        for optic, miss in _curable_misses(shaped):
             if miss.key in BENDING and self._light is not None and (optic.called, miss.surface) == met:
-                concave, convex = radii_within(lens, miss.surface, _half_widths(self._light))
+                concave, convex = radii_within(shaped.designed, miss.surface, _half_widths(self._light))
                 ends = [concave, *([convex] if miss.key == "radius" else [])]
                 short = max(0.0, miss.wanted - min(end.lower for end in ends))
                 miss = replace(miss, most=short, least=short)
@@ -207,7 +207,7 @@ class LimitedShapes:
 
     def missed(self, sags: Sags) -> set[str]:
         """Return the keys of the limits that are not certainly kept, except those that no sag can mend."""
-        return {miss.key for _, miss in _curable_misses(*self._system.with_sags(self._lens, sags))}
+        return {miss.key for _, miss in _curable_misses(self._system.with_sags(sags))}
 
     def moved(self, sags: Sags, penalty: ShapePenalty, within: Sags | None = None) -> Sags | None:
         """Return sags near others that leave half the room of every limit; None where none are found.
@@ -226,9 +226,9 @@ class LimitedShapes:
         return tuple(THBSurface(sag.space, c) for sag, c in zip(sags, coefficients))
 
     def _distance(self, sags: Sags) -> SlopeDistance:
-        shaped, lens = self._system.with_sags(self._lens, sags)
+        shaped = self._system.with_sags(sags)
         light = None if self._light is None else (self._light.x, self._light.y, self._light.weight)
-        return SlopeDistance(shaped.free_surfaces(lens), [*[None] * (len(sags) - 1), light])
+        return SlopeDistance(shaped.free_surfaces, [*[None] * (len(sags) - 1), light])
 
     def _lifted(self, sags: Sags, penalty: ShapePenalty) -> tuple[list[Floats], Floats, float]:
         """Return coefficients with the heights that keep most of the limits, the heights, and what is cut
@@ -240,13 +240,13 @@ class LimitedShapes:
         return lifted, heights, cut if heights.any() else 0.0
 
 
-def _curable_misses(system: OpticalSystem, lens: Lens) -> list[tuple[Optic, Miss]]:
+def _curable_misses(system: System) -> list[tuple[Optic, Miss]]:
     """Return the limits that free elements may miss, each with its element, except those that no coefficient
     can mend."""
     problem = system.problem
     return [
         (optic, miss)
-        for optic, shape in system.free_elements(lens)
+        for optic, shape in system.free_elements
         for miss in limit_misses(problem.about(optic), limited_metrics(optic, shape, problem.limits))
         if miss.most > 0 and miss.key != "feature" and miss.surface in ("", *optic.free)
     ]

@@ -46,9 +46,8 @@ from optics.light.measuring import symmetry_axes
 from optics.light.tracing import Tracer
 from optics.scene.limits import limit_sentences
 from optics.scene.problem import Limits
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 FALLING = 2e-3  # fall of the misfit per step from which more iterations are worth a note
@@ -61,16 +60,16 @@ def _ignored(*_: object) -> None:
     """Do nothing with what is told."""
 
 
-def transmitted_flux(system: OpticalSystem, backend: Backend, lens: Lens | None = None) -> float:
-    """Return the flux that a lens sends on, W: the unoptimised one where none is given.
+def transmitted_flux(system: System, backend: Backend) -> float:
+    """Return the flux that the lens of a system sends on, W.
 
     Raises UserError : (almost) nothing passes the lens.
     """
     optic, units = system.problem.optic, system.units
-    which = f"unoptimised {optic.noun}" if lens is None else optic.noun
-    lens, target, flux = lens or system.base, system.target, system.problem.flux
+    which = f"unoptimised {optic.noun}" if system.designed is system.base else optic.noun
+    target, flux = system.target, system.problem.flux
     optimizer, rays = system.problem.optimizer, system.source.rays((129, 129))
-    path = system.path(lens)
+    path = system.path
     path = path if optimizer.fresnel else path.without_reflection()
     tracer = Tracer(backend, path, rays, polarised=False)  # as the light that is optimised
     _, landing = tracer.trace()
@@ -94,27 +93,24 @@ class Listener:
         with its Row in place of None after every evaluation.
     checkpoint : called with the State after every stage.
     note : called with a sentence where the problem itself limits the result.
-    seen : called with (Stage, its system and lens, the target irradiance that it asked for) behind every
-        stage.
+    seen : called after every stage with (Stage, its system, the target irradiance that it asked for).
     """
 
     progress: Callable[[Sequence[Stage], Stage, int, Row | None], object] = _ignored
     checkpoint: Callable[[State], object] = _ignored
     note: Callable[[str], object] = _ignored
-    seen: Callable[[Stage, OpticalSystem, Lens, Floats], object] = _ignored
+    seen: Callable[[Stage, System, Floats], object] = _ignored
 
 
 def shape_lens(
-    system: OpticalSystem,
+    system: System,
     backend: Backend,
     engine: Engine,
     state: State | None = None,
     start: TransportStart | None = None,
     listener: Listener | None = None,
-) -> tuple[Lens, State]:
-    """Optimise the free surfaces of all elements of a system, stage by stage, and return (Lens, State).
-
-    The Lens is that of `system.problem.optic`; the State has the sags of all, see `system.with_sags`.
+) -> tuple[System, State]:
+    """Optimise the free surfaces of a system, stage by stage, and return it with them, and the State.
 
     backend : of the exact tracer.  engine : what traces the light that is optimised.
     state : to go on from, or None.  start : of the system, where it is known already.
@@ -124,13 +120,13 @@ def shape_lens(
     """
     clock = perf_counter() - (state.seconds if state else 0.0)
     listener = listener or Listener()
-    flux = transmitted_flux(system, backend)
+    flux = transmitted_flux(system.unshaped, backend)
     axes = symmetry_axes(system)
     start = transport_start(system, backend, state, listener.note, start)
     if state is None:
         state, fit = first_state(system, start, flux, engine)
-        shaped, lens = with_sags(system, state.sags)
-        shaped.made(lens)  # a body for a mould that its start cannot have is refused before the work
+        # a body for a mould that its start cannot have is refused before the work
+        _ = with_sags(system, state.sags).made
     else:
         fit = None
     run = _Run(
@@ -149,39 +145,38 @@ def shape_lens(
         try:
             listener.progress(run.plan, stage, state.dof, None)
             task = run.task(stage, state)
-            shaped, lens = task.system, task.lens
+            shaped = task.system
             if stage.iterations:
-                shaped, lens, state, crossed = run.optimised(task, state, listener)
+                shaped, state, crossed = run.optimised(task, state, listener)
                 crossings |= {name: max(by, crossings.get(name, 0.0)) for name, by in crossed.items()}
-            listener.seen(stage, shaped, lens, task.target)
-            state, new_fit = run.refined(task, shaped, lens, state)
+            listener.seen(stage, shaped, task.target)
+            state, new_fit = run.refined(task, shaped, state)
             fit = new_fit or fit
             listener.checkpoint(state)
         except KeyboardInterrupt:
             raise Interrupted(state) from None
     if start and fit and not start.within(fit):
         listener.note(start.note(fit, start.finest_fit()))
-    shaped, lens = with_sags(system, state.sags)
+    shaped = with_sags(system, state.sags)
     if crossings or system.problem.limits != Limits():
-        for optic, shape in shaped.free_elements(lens):
+        for optic, shape in shaped.free_elements:
             made = limited_metrics(optic, shape, system.problem.limits)
             name, crossing = optic.called, crossings.get(optic.called, 0.0)
             of = "" if optic is system.problem.optic else name
             for sentence in limit_sentences(system.problem.about(optic), made, crossing, of):
                 listener.note(sentence)
-    return lens, state
+    return shaped, state
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
     """What a stage is to do.
 
-    system, lens : that it starts from.  target : irradiance asked for.  background : light of other ways.
+    system : that it starts from.  target : irradiance asked for.  background : light of other ways.
     """
 
     stage: Stage
-    system: OpticalSystem
-    lens: Lens
+    system: System
     target: Floats
     background: Background | None
 
@@ -195,7 +190,7 @@ class _Run:
     not start from it.  clock : `perf_counter()` at the start.
     """
 
-    system: OpticalSystem
+    system: System
     backend: Backend
     engine: Engine
     flux: float
@@ -212,30 +207,34 @@ class _Run:
         sends on, but in the finish, and where the surface of a map sends on less: there it is what the
         present lens sends on, since asking for light that cannot arrive spoils what does, and by other ways.
         """
-        system, lens = with_sags(self.system, state.sags)
+        system = with_sags(self.system, state.sags)
         film, fixed = stage_film(system, stage, self.axes), stage.finish
-        around = background(system, self.backend, lens, film, fixed) if stage.other_ways else None
-        flux = transmitted_flux(system, self.backend, lens)
+        around = background(system, self.backend, film, fixed) if stage.other_ways else None
+        flux = transmitted_flux(system, self.backend)
         mapped = state.started_from_transport and flux < (1 - LOST) * self.flux
         flux = flux if stage.finish or mapped else self.flux
         if around is not None:
             flux += float(around.image.sum()) * stage.screen.pixel_area
         wanted = system.goal if stage.aimed else system.target
-        return _Task(stage, system, lens, wanted.irradiance(stage.screen, flux), around)
+        return _Task(stage, system, wanted.irradiance(stage.screen, flux), around)
 
     def optimised(
         self, task: _Task, state: State, listener: Listener
-    ) -> tuple[OpticalSystem, Lens, State, dict[str, float]]:
-        """Return the system and lens that the optimiser finds, or the nearest that can exist, the state with
+    ) -> tuple[System, State, dict[str, float]]:
+        """Return the system that the optimiser finds, or the nearest that can exist, the state with
         them, and by how much, mm, the surfaces crossed that were found, by the names of their elements.
 
         The last stage ends within the limits.
         """
         system, stage, last = task.system, task.stage, task.stage is self.plan[-1]
         of_stage = partial(
-            stage_objective, system, task.lens, target=task.target, engine=self.engine, axes=self.axes
+            stage_objective,
+            system,
+            target=task.target,
+            engine=self.engine,
+            axes=self.axes,
         )
-        outlines = [surface.outline for surface in system.free_surfaces(task.lens)]
+        outlines = [surface.outline for surface in system.free_surfaces]
         bounds = [f.freedom for f in system.freeforms]
         variables = BoundedVariables(state.sags, bounds, self.axes, outlines)
         objective = of_stage(stage, background=task.background)
@@ -248,22 +247,22 @@ class _Run:
         log = Log(state, stage, self.clock, partial(listener.progress, self.plan, stage, state.dof))
         log.evaluations += PROBES
         try:
-            keeper = LimitKeeper(system, task.lens, self.guide, listener.note, self.known)
+            keeper = LimitKeeper(system, self.guide, listener.note, self.known)
             if last:
                 sags, found = keeper.minimised(search, stage.iterations, log)
             else:
                 begun = keeper.begun(search, log) if state.started_from_transport else search
                 found = minimised(begun, stage.iterations, log)
                 sags = found.sags
-            shaped, lens, wrong = nearest_shapes(system, task.lens, sags)
+            shaped, wrong = nearest_shapes(system, sags)
         except Interrupted as stop:
-            shaped, lens, _ = nearest_shapes(system, task.lens, stop.state.sags)
-            raise Interrupted(replace(stop.state, sags=shaped.sags(lens))) from None
+            shaped, _ = nearest_shapes(system, stop.state.sags)
+            raise Interrupted(replace(stop.state, sags=shaped.sags)) from None
         crossings: dict[str, float] = {}
         if wrong:
             listener.note(f"level {stage.level}: {wrong}")
-            wanted, asked = system.with_sags(task.lens, sags)
-            gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements(asked)}
+            wanted = system.with_sags(sags)
+            gaps = {optic.called: s.least_thickness().lower for optic, s in wanted.free_elements}
             crossings = {name: -gap for name, gap in gaps.items() if gap < 0}
         if found and system.source.extended:  # the optimiser fits the noise of its own rays too
             fresh = system.problem.run.seed, FRESH
@@ -274,19 +273,17 @@ class _Run:
                 f"stopped by its {stage.iterations} iterations, while the misfit still fell by "
                 f"{found.fall:.1%} a step; --resume --iterations {4 * stage.iterations} goes on"
             )
-        return shaped, lens, log.state(shaped.sags(lens)), crossings
+        return shaped, log.state(shaped.sags), crossings
 
-    def refined(
-        self, task: _Task, shaped: OpticalSystem, lens: Lens, state: State
-    ) -> tuple[State, TransportFit | None]:
+    def refined(self, task: _Task, shaped: System, state: State) -> tuple[State, TransportFit | None]:
         """Return the state of the next stage, with the marked cells refined, and the fit of a new level.
 
         Where none is marked a sag stays the same object, with what is known of its mesh.
 
-        shaped, lens : that the stage ended with.
+        shaped : that the stage ended with.
         """
-        indicators = Indicators(shaped, self.engine, task.target, self.guide)
-        marked = marked_cells(shaped, lens, task.stage, self.axes, indicators)
+        indicators = Indicators(self.engine, task.target, self.guide)
+        marked = marked_cells(shaped, task.stage, self.axes, indicators)
         fit, further = None, self.plan[state.stage + 1 :]
         *others, (last, cells) = zip(state.sags, marked)
         if self.guide and further and further[0].level > task.stage.level:
@@ -296,16 +293,14 @@ class _Run:
         return replace(state, stage=state.stage + 1, sags=sags), fit
 
 
-def nearest_shapes(
-    system: OpticalSystem, lens: Lens, sags: Sequence[THBSurface]
-) -> tuple[OpticalSystem, Lens, str]:
-    """Return the system and its lens with other sags and "".
+def nearest_shapes(system: System, sags: Sequence[THBSurface]) -> tuple[System, str]:
+    """Return the system with other sags and "".
 
     Where they cannot exist: with the sags c + t (c' - c) from the present c towards the others c', and
     a sentence that says why, without a remedy.  The step t is halved until all elements can exist.
     """
     try:
-        return *sound_with(system, lens, sags), ""
+        return sound_with(system, sags), ""
     except ValueError as error:
         wrong = str(error).partition("; ")[0]
     fraction = 1.0
@@ -313,13 +308,16 @@ def nearest_shapes(
         fraction /= 2
         between = [
             THBSurface(a.space, a.coefficients + fraction * (b.coefficients - a.coefficients))
-            for a, b in zip(system.sags(lens), sags)
+            for a, b in zip(system.sags, sags)
         ]
         try:
             return (
-                *sound_with(system, lens, between),
+                sound_with(system, between),
                 f"the optimised lens cannot exist ({wrong}): of the level's changes {fraction:.2g} are kept",
             )
         except ValueError:
             continue
-    return system, lens, f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept"
+    return (
+        system,
+        f"the optimised lens cannot exist ({wrong}): none of the level's changes are kept",
+    )

@@ -6,7 +6,6 @@ the border of a wide beam a tenth more.  Where that is seen, rows aim at a (mode
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 
 from optics.designing.optimisation.level_objective import stage_objective
@@ -14,15 +13,13 @@ from optics.designing.optimisation.stage_plan import stages
 from optics.designing.optimisation.state import State
 from optics.light.analysis import fresh_light
 from optics.light.engines import Engine
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 ROUNDS = 3  # a beam of 1 degree before UB2: 14 %, then 26, 28 and 29 % of the 30 % that are aimed at
 CLOSE = 0.02  # of a limit that is aimed at: nearer light is not worth a round
 
 
-def re_aimed(
-    system: OpticalSystem, shaping: OpticalSystem, state: State, engine: Engine
-) -> tuple[OpticalSystem, State] | None:
+def re_aimed(system: System, shaping: System, state: State, engine: Engine) -> tuple[System, State] | None:
     """Return the system whose light a design traces with corrected aims, and the state before its last stage,
     or before the rough one that leads to it.
 
@@ -32,12 +29,12 @@ def re_aimed(
     """
     if not system.target.settings.zones or not (system.blurred or system.source.extended):
         return None
-    shaped, lens = shaping.with_sags(shaping.base, state.sags)
+    shaped = shaping.with_sags(state.sags)
     plan = stages(shaping, state.started_from_transport)
     screen, target = plan[-1].screen, shaped.target
-    objective = stage_objective(shaped, lens, plan[-1], target.irradiance(screen, 1.0), engine)
+    objective = stage_objective(shaped, plan[-1], target.irradiance(screen, 1.0), engine)
     model = objective.image([sag.coefficients for sag in state.sags]) / screen.projection()
-    fresh = fresh_light(system.shaped_as(shaped.shapes), lens, system.backend)
+    fresh = fresh_light(system.with_shapes(shaped.shapes), system.backend)
     corrections, missed = [], False
     for row, seen in zip(target.zone_rows(screen), system.target.zone_rows(system.target.screen())):
         value = seen.reading(fresh[None]).value
@@ -46,9 +43,7 @@ def re_aimed(
         corrections.append(row.reading(model[None]).value / value if value > 0 else 1.0)
     if not missed:
         return None
-    corrected = replace(target, corrections=tuple(corrections))
-    corrected.__dict__["light"] = target.light  # asked for as before
-    other = copy(shaping)
-    other.__dict__["targets"] = (corrected,)
+    # the light is asked for as before
+    other = shaping.with_target(replace(target, corrections=tuple(corrections), given=target.light))
     again = 2 if any(stage.rough for stage in plan) else 1
     return other, replace(state, stage=len(plan) - again)

@@ -9,7 +9,7 @@ from math import ceil
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem, per_level
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, freeforms
+from optics.scene.system import System, freeforms
 
 PROBES = 8  # evaluations that estimate the diagonal of the Gauss-Newton Hessian
 MOST_RAYS = 40_000_000  # at once
@@ -146,7 +146,7 @@ def last_level(problem: Problem) -> int:
     return max(f.finest for f in freeforms(problem))
 
 
-def stages(system: OpticalSystem, from_transport: bool) -> list[Stage]:
+def stages(system: System, from_transport: bool) -> list[Stage]:
     """Return the Stage of every level that is optimised.
 
     A blurred system that starts from transport optimises its sharp light before its blurred light: the loss
@@ -181,7 +181,7 @@ def _seeing_other_ways(plan: Sequence[Stage]) -> list[Stage]:
     return [*plan[:-SEEING], *(replace(stage, other_ways=sees(stage)) for stage in plan[-SEEING:])]
 
 
-def _finish(system: OpticalSystem, level: int) -> list[Stage]:
+def _finish(system: System, level: int) -> list[Stage]:
     """Return the last pass: as many rays as unmerged pixels ask for, on merged ones where light is not exact.
 
     Merged pixels average the noise of rays, which an optimiser fits.  It has two pieces where light by
@@ -197,7 +197,7 @@ def _finish(system: OpticalSystem, level: int) -> list[Stage]:
     return [replace(finish, iterations=options.finish - late), replace(finish, iterations=late, again=True)]
 
 
-def _stage(system: OpticalSystem, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
+def _stage(system: System, level: int, iterations: int, coarsening: int, final: bool) -> Stage:
     problem, screen = system.problem, system.target.screen(coarsening, MARGIN)
     exact = final and problem.optimizer.window == "cells" and not system.source.extended
     parts = 1
@@ -232,13 +232,13 @@ def _fewer(stage: Stage) -> tuple[int, int]:
     return rays_x, rays_y
 
 
-def _cells(system: OpticalSystem, level: int, screen: Screen) -> list[int]:
+def _cells(system: System, level: int, screen: Screen) -> list[int]:
     spans = _lit_spans(system, level)
     counts = [_even(max(CELLS_PER_PIXEL * n, CELLS_PER_SPAN * s)) for n, s in zip(screen.pixels, spans)]
     return [max(counts)] * 2 if system.source.kinked else counts  # which has as many both ways
 
 
-def _parts(system: OpticalSystem, level: int) -> int:
+def _parts(system: System, level: int) -> int:
     """Return the parts of a pixel in each direction: 1 where light is blurred or displaced, of zones, and of
     pictures where the spans of a level are as wide as pixels."""
     target = system.target.settings
@@ -250,7 +250,7 @@ def _parts(system: OpticalSystem, level: int) -> int:
     return max(1, min(wanted, MOST_PARTS, MOST_OF_ALL // max(target.pixels)))
 
 
-def _lit_spans(system: OpticalSystem, level: int) -> list[float]:
+def _lit_spans(system: System, level: int) -> list[float]:
     """Return the knot spans in x and y that light meets, of the finest free surface on a level."""
     half_width, spans = getattr(system.base, system.shaped).half_width, _spans(system.problem, level)
     size = system.problem.source.half_width if system.shapes_parallel else half_width

@@ -10,7 +10,7 @@ from optics.designing.optimisation.indicators import near_cells
 from optics.designing.optimisation.stage_plan import Stage, first_level, stages
 from optics.scene.limits import feature_levels
 from optics.scene.problem import Optic
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.surfaces import THBSurface
 
@@ -48,7 +48,7 @@ class State:
     sags: tuple[THBSurface, ...]
     history: tuple[Row, ...] = ()
 
-    def renumbered(self, system: OpticalSystem, other: OpticalSystem) -> State:
+    def renumbered(self, system: System, other: System) -> State:
         """Return the state for the plan of a system that differs in its iterations: with few of them no steps
         on fewer cells come first, and their place takes the stage that they prepare; where a run goes on that
         had none of them, they come first."""
@@ -66,7 +66,7 @@ class State:
         rows = tuple(replace(row, stage=place(row.stage)) for row in self.history)
         return replace(self, stage=place(self.stage, goes_on=True), history=rows)
 
-    def with_steps_left(self, system: OpticalSystem) -> State:
+    def with_steps_left(self, system: System) -> State:
         """Return the state before the steps of the last level, where none are left."""
         plan = stages(system, self.started_from_transport)
         return self if self.stage < len(plan) else replace(self, stage=_of_last_level(plan))
@@ -85,10 +85,10 @@ class State:
         return self.history[-1].seconds if self.history else 0.0
 
 
-def first_sags(system: OpticalSystem, from_transport: bool) -> tuple[THBSurface, ...]:
+def first_sags(system: System, from_transport: bool) -> tuple[THBSurface, ...]:
     """Return the sags of a new run: zeros on the meshes of the first level of its plan."""
     first = first_level(system.problem, from_transport)
-    pairs = zip(system.free_surfaces(system.base), feature_levels(system.problem))
+    pairs = zip(system.unshaped.free_surfaces, feature_levels(system.problem))
     return tuple(_refined(surface, min(first, finest)) for surface, finest in pairs)
 
 
@@ -103,7 +103,7 @@ def _refined(surface: FreeformSurface, level: int) -> THBSurface:
     return sag
 
 
-def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Lens] | None = None) -> State:
+def earlier_state(system: System, earlier: Lens, shapes: Mapping[str, Lens] | None = None) -> State:
     """Return the State that optimises the sags of an earlier design on the last level, without a new mesh.
 
     shapes : of its other free elements by name; one that it lacks starts from zero.
@@ -118,7 +118,7 @@ def earlier_state(system: OpticalSystem, earlier: Lens, shapes: Mapping[str, Len
     found = {**(shapes or {}), system.problem.optic.called: earlier}
     sags = [
         sag
-        for optic, base in system.free_elements(system.base)
+        for optic, base in system.unshaped.free_elements
         for sag in _earlier_sags(optic, base, found.get(optic.called, base))
     ]
     return State(False, _of_last_level(stages(system, False)), tuple(sags))

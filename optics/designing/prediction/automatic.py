@@ -27,7 +27,7 @@ from optics.designing.prediction.start_light import seen_level
 from optics.designing.starts import RearLight, TransportStart, least_auto
 from optics.scene.keys import AUTO
 from optics.scene.problem import FINEST_AUTO, Front, MirrorElement, Problem, Rear, base_of
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, seen_functions
 from thbcad.hierarchy import THBSpace
@@ -53,7 +53,7 @@ KEPT = 0.9  # of the least thickness: the bounds of all sags together, at most, 
 SPACE_LEVELS = 2  # of the mesh on which the sag is estimated
 
 
-def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, TransportStart | None]:
+def resolved(system: System, backend: Backend) -> tuple[System, TransportStart | None]:
     """Return the system with numbers for all that is left to the program, and its transport start if known.
 
     A level is taken from the detail of the transport map (`TransportStart.level`), as far as a blur leaves it
@@ -84,16 +84,16 @@ def resolved(system: OpticalSystem, backend: Backend) -> tuple[OpticalSystem, Tr
     return levelled, start
 
 
-def _with_levels(system: OpticalSystem, level: int) -> OpticalSystem:
+def _with_levels(system: System, level: int) -> System:
     """Return the system with a level where it is left to the program."""
     problem = system.problem
     for spec in problem.free_optics:
         front, rear = _numbered(spec.front, "max_level", level), _numbered(spec.rear, "max_level", level)
         problem = problem.with_optic(spec, front=front, rear=rear)
-    return replace(system, problem=problem)
+    return system.with_prescription(problem=problem)
 
 
-def _with_base(system: OpticalSystem, backend: Backend) -> OpticalSystem:
+def _with_base(system: System, backend: Backend) -> System:
     """Return the system with a base lens and bounds of its sags."""
     asked, base = system.problem, base_of(_based(system.problem))
     widest = min(asked.optic.thickness, ROOM * system.problem.throw)
@@ -165,7 +165,7 @@ def _curvatures(problem: Problem, constant: float, throw: float) -> tuple[float,
     return max(least, lower), min(most, upper)
 
 
-def _freedom(system: OpticalSystem, light: RearLight, slopes: Sequence[Floats]) -> float:
+def _freedom(system: System, light: RearLight, slopes: Sequence[Floats]) -> float:
     """Return the bound of the sags, mm, on the base lens of a system.
 
     It is MARGIN times the greatest coefficient of a sag with the slopes that the base lacks.  Where the lens

@@ -21,9 +21,8 @@ from optics.designing.etendue import Kernel, approximate, merged
 from optics.light.analysis import rel_l2
 from optics.light.blur import Blur, blur_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 MOST_PIXELS = 256  # in each direction, that the best light is looked for on; more are merged
 FINER = 7  # parts of a pixel in each direction: a narrower spot blurs the borders of lit pixels too
@@ -54,9 +53,9 @@ class BlurLimits:
     least: float | None
 
 
-def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimits:
+def blur_limits(system: System, backend: Backend) -> BlurLimits:
     """Return what the blur of a lens leaves of the target of a blurred system."""
-    blur, screen = blur_of(system, system.path(lens), backend), system.target.screen()
+    blur, screen = blur_of(system, system.path, backend), system.target.screen()
     target, shown = system.target.irradiance(screen, 1.0), screen.projection()
     picture = target / shown  # in the far field intensities are compared
     return BlurLimits(
@@ -70,7 +69,7 @@ def blur_limits(system: OpticalSystem, lens: Lens, backend: Backend) -> BlurLimi
 
 
 def wider_picture(
-    system: OpticalSystem, backend: Backend, keeps: Callable[[float], bool]
+    system: System, backend: Backend, keeps: Callable[[float], bool]
 ) -> tuple[float, float] | None:
     """Return half-widths of a target at the same place whose light may keep limits: its detail is wider, the
     spot is not.
@@ -89,7 +88,7 @@ def wider_picture(
         if np.hypot(x, y) > ASLANT * z:
             return None
         wider = solvable_system(system.problem.with_(**{"target.half_width": (half_x, half_y)}))
-        least = _least(wider, blur_of(wider, wider.path(wider.base), backend), FEWER_PIXELS)
+        least = _least(wider, blur_of(wider, wider.unshaped.path, backend), FEWER_PIXELS)
         if least is not None and keeps(least / ROOM):
             return half_x, half_y
     return None
@@ -104,7 +103,7 @@ def _blurred(blur: Blur, picture: Floats, screen: Screen) -> Floats:
     return np.asarray(fine.reshape(rows, times, columns, times).mean(axis=(1, 3)))
 
 
-def blur_sentence(system: OpticalSystem, found: BlurLimits, reached: float | None = None) -> str:
+def blur_sentence(system: System, found: BlurLimits, reached: float | None = None) -> str:
     """Return what a blur leaves of a picture, in words.  reached : rel_l2 of a lens."""
     unit = system.target.unit
     said = f"{_who(system)} blurs {found.width:.2g} {unit} ({found.width / found.pixel:.2g} pixels)"
@@ -133,14 +132,14 @@ def stroke_width(picture: Floats, pitch: Sequence[float]) -> float:
     return RIDGE * (float(inside[1:-1, 1:-1][bright].mean()) - float(np.mean(pitch)) / 2)
 
 
-def _who(system: OpticalSystem) -> str:
+def _who(system: System) -> str:
     if not system.source.diverging:
         return "the roughness of the surfaces"
     what = "the sun" if system.problem.source.divergence_profile == "sun" else "the divergence of the light"
     return f"{what} with the roughness of the surfaces" if any(system.slope_rms) else what
 
 
-def _least(system: OpticalSystem, blur: Blur, most: int = MOST_PIXELS) -> float | None:
+def _least(system: System, blur: Blur, most: int = MOST_PIXELS) -> float | None:
     """Return a lower bound of rel_l2 of the light of one blur, on merged pixels, at most so many in each
     direction; None of a wider spot.
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from optics.designing.optimisation import Stage, last_level
 from optics.light.measuring import symmetry_axes
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 # fitted to pictures of docs/data/untuned.json and to the designs of overview.json: 0.80 to 0.96 times these
 START = 3.4  # s, for start, STEP file, measurement, checks and figures
@@ -29,7 +29,7 @@ BYTES = 250  # per ray
 CELL_BYTES = 2000  # the same for cells whose rays are searched for
 
 
-def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[float, float]:
+def seconds_and_memory(system: System, plan: Sequence[Stage]) -> tuple[float, float]:
     """Return the seconds of a design on two cores, from the start of the process to the verified result, and
     the peak memory of it and its helper processes, MB."""
     rays = _rays(system, plan)
@@ -50,7 +50,7 @@ def seconds_and_memory(system: OpticalSystem, plan: Sequence[Stage]) -> tuple[fl
     return START + more + RAY * kind * work + FUNCTION * functions, memory
 
 
-def _rays(system: OpticalSystem, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:
+def _rays(system: System, plan: Sequence[Stage]) -> list[tuple[Stage, float]]:
     """Return the stages that optimise, and the rays that one evaluation traces: a mirror image needs none."""
     halves = 2 ** len(symmetry_axes(system))
     return [

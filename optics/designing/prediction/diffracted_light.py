@@ -35,9 +35,8 @@ from optics.light.analysis import rel_l2
 from optics.light.blur import spot_width
 from optics.light.outgoing import least_half_widths
 from optics.scene.receivers import lit_part
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 MM_PER_NM = 1e-6
 HALF_A_PIXEL = 0.5
@@ -95,7 +94,7 @@ class Diffraction:
 
 
 def diffraction(
-    system: OpticalSystem, lit_halves: Mapping[str, Sequence[float]], spot: Callable[[], float]
+    system: System, lit_halves: Mapping[str, Sequence[float]], spot: Callable[[], float]
 ) -> Diffraction | None:
     """Return what diffraction does to the light of a system; None where it does not matter, or is hidden by
     the blur of the source.
@@ -103,7 +102,7 @@ def diffraction(
     lit_halves : half-widths of the parts of the faces that light uses, by name of the face, mm.
     spot : returns the width of the light of one point of the lens on the target; 0 is sharp.
     """
-    path, target = system.path(system.base), system.target
+    path, target = system.unshaped.path, system.target
     half = lit_halves[system.problem.face_names[path.shaped]]
     if min(half) <= 0:
         return None
@@ -125,10 +124,10 @@ def diffraction(
     return found if found.matters else None
 
 
-def diffraction_of(system: OpticalSystem, lens: Lens, backend: Backend) -> Diffraction | None:
+def diffraction_of(system: System, backend: Backend) -> Diffraction | None:
     """Return what `diffraction` says of a lens.  backend : of double precision."""
-    lit_halves = least_half_widths(system, lens, backend)
-    return diffraction(system, lit_halves, lambda: spot_width(system, lens, backend))
+    lit_halves = least_half_widths(system, backend)
+    return diffraction(system, lit_halves, lambda: spot_width(system, backend))
 
 
 def in_waves(picture: Floats, along_x: float, along_y: float) -> Floats:

@@ -16,7 +16,7 @@ from optics.designing.etendue import Kernel, approximate
 from optics.designing.prediction.blurred_picture import KKT, MOST_PIXELS, SMALL, STEPS
 from optics.light.analysis import rel_l2
 from optics.light.blur import Displacements
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 SPOILT = 0.05  # of rel_l2, from which on a remedy is worth a word: half of what pictures may miss
 
@@ -37,7 +37,7 @@ class DisplacedLimits:
     least: float | None
 
 
-def displaced_limits(system: OpticalSystem) -> DisplacedLimits | None:
+def displaced_limits(system: System) -> DisplacedLimits | None:
     """Return what displacement leaves of the target of a plate; None of one lens, and in the far field."""
     if not system.displaced:
         return None

@@ -33,9 +33,9 @@ from optics.light.blur import spot_width
 from optics.light.outgoing import Concentration, greatest_concentration, least_half_widths
 from optics.scene.limits import LimitCost
 from optics.scene.problem import Limits
-from optics.scene.system import OpticalSystem, volume_of_made
+from optics.scene.system import System, volume_of_made
 from thbcad.checks import Floats
-from thbcad.lens import Lens, mass
+from thbcad.lens import mass
 from thbcad.surfaces import THBSurface
 
 # of the target in each direction, on which the start is traced: it has as many cells.  A rel_l2 of 0.150 on
@@ -116,7 +116,7 @@ class Expectation:
 
 
 def expected(
-    system: OpticalSystem, backend: Backend, start: TransportStart | None = None
+    system: System, backend: Backend, start: TransportStart | None = None
 ) -> tuple[Expectation, list[Stage]]:
     """Return what to expect of a system whose numbers are all known, and the plan of its design.
 
@@ -126,19 +126,20 @@ def expected(
         it starts from cannot be made as the body that the problem describes.
     """
     stages(system.shaping, from_transport=True)  # refuses sizes before any memory is taken
-    transmitted_flux(system, backend)
+    transmitted_flux(system.unshaped, backend)
     start = start or TransportStart(system, backend)
     fit = start.finest_fit()
-    lens = system.base.with_sags([*system.base.sags[:-1], fit.sag])
+    base = system.unshaped
+    started = base.with_sags([*base.sags[:-1], fit.sag])
     flat = system.problem.optimizer.start == "flat"
     choice = None if flat else StartChoice(system.shaping, backend, start)
     first, doubt = (choice.first, choice.doubt) if choice else (None, "")
     mapped = choice is not None and choice.within and not choice.useless
     from_transport = mapped and choice is not None and choice.followed
-    system.made(lens if from_transport else system.base)
+    _ = (started if from_transport else base).made
     plan = stages(system.shaping, from_transport)
     coarsening = -(-max(system.target.settings.pixels) // MOST_PIXELS)
-    fates, error = light_before(system, lens, backend, coarsening)
+    fates, error = light_before(started, backend, coarsening)
     flux = system.problem.flux
     # at the last face: earlier ones have losses of their own; a lens alone says of none where light is
     # reflected totally
@@ -151,7 +152,7 @@ def expected(
     light, _ = start.rear_slopes()
     net, pixel = _net(system, start.half_lit, light), max(system.target.screen().pitch)
     fine = net <= COARSE * pixel or system.target.uniform_region is not None
-    past = light_past_elements(system, lens, fates, system.target.screen(coarsening), backend)
+    past = light_past_elements(started, fates, system.target.screen(coarsening), backend)
     shares = past.shares(fates.on_target + past.light.on_target, flux) if past and past.missed else None
     past_sentences = past_notes({"past_elements": shares})
     undisturbed = fates.blocked < TAKEN * flux and not past_sentences
@@ -159,30 +160,30 @@ def expected(
     costs = _limit_costs(system, backend, start, coarsening, surface)
     predictable = from_transport and start.within(fit) and fine and _is_known(system)
     optic, (seconds, memory) = system.problem.optic, seconds_and_memory(system, plan)
-    shape = lens if mapped else system.base
+    shape = (started if mapped else base).designed
     count, more = volume_of_made(optic, shape)
     volume = count * shape.volume() + more
     return Expectation(
-        size=_size(system, shape),
+        size=_size(started if mapped else base),
         volume=volume,
         mass=mass(volume, optic.density) if optic.density else None,
         sag=max(each.asked for each in (fit, first, start.traced) if each is not None),
         freedom=system.freeforms[-1].freedom,
         note=(first and freedom_note(system, backend, start, [fit, first]))
-        or narrow_rear_note(system, lens, backend, fates.missed_rear / flux),
+        or narrow_rear_note(started, backend, fates.missed_rear / flux),
         efficiency=fates.on_target / flux,
         stray=fates.off_target / flux,
         blocked=fates.blocked / flux,
-        blocking=blocking(system, lens, backend, coarsening) if fates.blocked else {},
+        blocking=blocking(started, backend, coarsening) if fates.blocked else {},
         reflected=reflected,
         totally=totally,
         nearest=gentler_geometries(system, start)
         if system.shaped == "rear" and reflected > STEEP and not is_gentle(system, start)
         else [],
-        least=least_half_widths(system, lens, backend),
+        least=least_half_widths(started, backend),
         pixel=pixel,
         net=net,
-        blur=_blur(system, lens, backend),
+        blur=_blur(started, backend),
         from_transport=from_transport,
         rel_l2=_likely(predicted_rel_l2(start.lit, error), error)
         if error and predictable and undisturbed and not costs and not doubt
@@ -194,29 +195,27 @@ def expected(
         past=past_sentences[0] if past_sentences else "",
         seconds=seconds,
         memory_mb=memory,
-        sensitivity=sensitivity(system.shaping, lens, backend),
-        concentration=greatest_concentration(system, lens, backend),
+        sensitivity=sensitivity(started.shaping, backend),
+        concentration=greatest_concentration(started, backend),
         limit_costs=costs,
     ), plan
 
 
 def _limit_costs(
-    system: OpticalSystem, backend: Backend, start: TransportStart, coarsening: int, surface: str
+    system: System, backend: Backend, start: TransportStart, coarsening: int, surface: str
 ) -> tuple[LimitCost, ...]:
     """Return what limits of manufacture cost the light of the map's surface on the whole mesh of the last
     level.  surface : its noun."""
     if system.problem.limits == Limits():
         return ()
-    shaping = system.shaping
-    sags = *shaping.sags(shaping.base)[:-1], start.finest_fit().sag
-    shaped, lens = shaping.with_sags(shaping.base, sags)
-    shapes = LimitedShapes(shaped, lens, start.rear_slopes()[0])
+    shaping = system.unshaped.shaping
+    sags = *shaping.sags[:-1], start.finest_fit().sag
+    shapes = LimitedShapes(shaping.with_sags(sags), start.rear_slopes()[0])
     if system.source.extended:
         return tuple(shapes.unknown_costs(sags, surface))
 
     def misfit(sags: Sequence[THBSurface]) -> float:
-        other, of_sags = shaped.with_sags(lens, sags)
-        error = light_before(system.shaped_as(other.shapes), of_sags, backend, coarsening)[1]
+        error = light_before(system.with_sags(sags), backend, coarsening)[1]
         assert error is not None, "sources with extent are left out"
         return error
 
@@ -248,15 +247,16 @@ def _likely(predicted: float, start_error: float) -> float | None:
     return predicted if start_error <= FARTHEST * max(predicted, LEAST_ERROR) else None
 
 
-def _is_known(system: OpticalSystem) -> bool:
+def _is_known(system: System) -> bool:
     """Return whether the regression of `predicted_rel_l2` was made of such light."""
     zones = system.target.settings.kind == "zones"
     summed = system.blurred or zones or system.displaced
     return system.parallel and not summed and system.target.receiver.across_axis
 
 
-def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:
+def _size(system: System) -> tuple[float, float, float]:
     """Return width, height and depth, mm; of a plate with its land."""
+    lens = system.designed
     array = system.problem.optic.array
     wide, high = (2 * max(h) for h in zip(lens.front.half_width, lens.rear.half_width))
     heights = []
@@ -272,7 +272,7 @@ def _size(system: OpticalSystem, lens: Lens) -> tuple[float, float, float]:
     return wide, high, float(lens.thickness + rear.max() - front.min())
 
 
-def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> float:
+def _net(system: System, half: Sequence[float], light: RearLight) -> float:
     """Return the mean size on the target of a knot span of the finest mesh.
 
     half : half-widths of the lit part of the target.
@@ -286,9 +286,9 @@ def _net(system: OpticalSystem, half: Sequence[float], light: RearLight) -> floa
     return span * magnification
 
 
-def _blur(system: OpticalSystem, lens: Lens, backend: Backend) -> float | None:
+def _blur(system: System, backend: Backend) -> float | None:
     """Return the width of the images of the source: the least one that is possible, of what etendue bounds,
     else what the start makes.  None of a source without extent."""
     if bounds_hold(system) and one_blur_tells(system) and not system.blurred:
-        return 2 * max(image_half_width(system, system.base, usual_efficiency(system), 1.0))
-    return spot_width(system, lens, backend) if system.source.extended or system.blurred else None
+        return 2 * max(image_half_width(system.unshaped, usual_efficiency(system), 1.0))
+    return spot_width(system, backend) if system.source.extended or system.blurred else None

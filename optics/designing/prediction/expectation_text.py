@@ -9,7 +9,7 @@ from optics.designing.prediction.expectation import COARSE, LEAST_ERROR, TAKEN, 
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, PERIOD, RIPPLE
 from optics.designing.starts import INSIDE
 from optics.light.outgoing import concentration_sentence
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 FULL = 0.999  # of a face: light that misses it does not tell how far beside it
 MAPPED, SAME = "by the transport map's surface, where this design does not start", "by that surface"
@@ -17,7 +17,7 @@ MM3_PER_CM3 = 1000
 NET = "a knot span of the finest mesh"
 
 
-def expectation_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+def expectation_lines(system: System, expected: Expectation) -> list[str]:
     """Return one line for each thing to expect."""
     wide, high, deep = expected.size
     heavy = "" if expected.mass is None else f", {expected.mass:.3g} g"
@@ -51,9 +51,9 @@ def _blocked(expected: Expectation) -> str:
     return f", {expected.blocked:.1%} blocked by {', '.join(by)}"
 
 
-def _least_line(system: OpticalSystem, expected: Expectation) -> str:
+def _least_line(system: System, expected: Expectation) -> str:
     """Return how small the faces might be in their outlines."""
-    shapes = (surface.shape for surface in system.path(system.base).surfaces)
+    shapes = (surface.shape for surface in system.unshaped.path.surfaces)
     sizes = {name: shape.half_width for name, shape in zip(system.problem.face_names, shapes)}
     sides = []
     for name, half in expected.least.items():
@@ -66,7 +66,7 @@ def _by(size: tuple[float, float]) -> str:
     return f"{size[0]:.4g} x {size[1]:.4g}"
 
 
-def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
+def _detail_line(system: System, expected: Expectation) -> str:
     sizes = {"a pixel": expected.pixel, NET: expected.net}
     if expected.blur is not None:
         sizes[_blurring(system)] = expected.blur
@@ -76,7 +76,7 @@ def _detail_line(system: OpticalSystem, expected: Expectation) -> str:
     return f"smallest detail: {_shift(system, expected, sizes[what])}, {what} ({others}){finer}"
 
 
-def _blurring(system: OpticalSystem) -> str:
+def _blurring(system: System) -> str:
     """Return what blurs the light: the extent of the source, or its divergence."""
     if not system.blurred:
         return "the image of the source"
@@ -86,7 +86,7 @@ def _blurring(system: OpticalSystem) -> str:
     return "the image of the sun" if sun else "the image of the beam's angles"
 
 
-def _error_line(system: OpticalSystem, expected: Expectation) -> str:
+def _error_line(system: System, expected: Expectation) -> str:
     if system.source.extended and not system.blurred:
         return "rel_l2: not predicted for a source with extent; the notes say what etendue forbids"
     if system.blurred:
@@ -130,7 +130,7 @@ def _blocking_verb(expected: Expectation) -> str:
     return "take" if len(expected.blocking) > 1 else "takes"
 
 
-def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+def _sensitivity_lines(system: System, expected: Expectation) -> list[str]:
     shifts = expected.sensitivity
     whose = f"the {system.problem.optic.noun}" if system.source.beam else "the source"
     indices = "every index" if _glasses(system) > 1 else "index"
@@ -148,7 +148,7 @@ def _sensitivity_lines(system: OpticalSystem, expected: Expectation) -> list[str
     ]
 
 
-def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]:
+def _dispersion_lines(system: System, expected: Expectation) -> list[str]:
     """Return what the catalogue's uncertainty does, to first order in the index, and what the colours do."""
     shifts, material, lines = expected.sensitivity, system.material, []
     if material is not None and material.accuracy is not None:
@@ -169,16 +169,16 @@ def _dispersion_lines(system: OpticalSystem, expected: Expectation) -> list[str]
     return lines
 
 
-def _glasses(system: OpticalSystem) -> int:
+def _glasses(system: System) -> int:
     """Return how many lenses light goes through."""
     return len({face.optic.table for face in system.problem.faces_met if face.into_glass})
 
 
-def _shift(system: OpticalSystem, expected: Expectation, size: float) -> str:
+def _shift(system: System, expected: Expectation, size: float) -> str:
     if isinf(size):
         return "so far that none arrives"
     return f"{_length(system, size)} ({plain_number(size / expected.pixel, 2)} pixels)"
 
 
-def _length(system: OpticalSystem, size: float) -> str:
+def _length(system: System, size: float) -> str:
     return f"{plain_number(size, 2)} {'degrees' if system.target.far_field else 'mm'}"

@@ -13,7 +13,7 @@ from optics.designing.prediction.expectation import TAKEN, Expectation
 from optics.light.analysis import PICTURE_REL_L2, contrast_error, picture_limit
 from optics.light.blur import spot_rms
 from optics.scene.photometry import BoxGrid
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 WILL = "this design will miss its limit"
 MAY = "this design may miss its limit"
@@ -23,7 +23,7 @@ ASIDE = 20  # degrees, from which on aiming the lens itself is worth a word: it 
 
 
 def foreseen_misses(
-    system: OpticalSystem,
+    system: System,
     expected: Expectation,
     blur: BlurLimits | None,
     backend: Backend,
@@ -38,7 +38,7 @@ def foreseen_misses(
     sentences = [*_of_the_error(system, expected, blur, displaced), *_wider(system, blur, backend)]
     region, limits = system.target.uniform_region, system.problem.verify
     if region is not None and (limits.min_over_mean or limits.min_over_max or limits.rsd < inf):
-        wide = spot_rms(system, system.base, backend)
+        wide = spot_rms(system.unshaped, backend)
         found = BoxGrid(region, limits.grid, wide).without_light()
         if found.reason:  # the blur is as wide as the region
             sentences.append(
@@ -62,7 +62,7 @@ def foreseen_misses(
     return sentences
 
 
-def _of_stops(system: OpticalSystem, expected: Expectation) -> Iterator[str]:
+def _of_stops(system: System, expected: Expectation) -> Iterator[str]:
     """Yield a sentence where stops take so much light that it shows on the target."""
     limit = picture_limit(system.problem.verify, not system.target.as_picture)
     shows = limit if limit < inf else PICTURE_REL_L2  # uniform light has limits of other names
@@ -79,7 +79,7 @@ def _of_stops(system: OpticalSystem, expected: Expectation) -> Iterator[str]:
     yield f"{MAY}: {blocked}, {which}; rel_l2 is {error:.2g}"
 
 
-def _aside(system: OpticalSystem) -> str:
+def _aside(system: System) -> str:
     """Return how far the middle of the target lies off the axis of the one lens, with a remedy, or ""."""
     target = system.problem.target
     if target.position is None or system.problem.element:
@@ -91,7 +91,7 @@ def _aside(system: OpticalSystem) -> str:
 
 
 def _of_the_error(
-    system: OpticalSystem, expected: Expectation, blur: BlurLimits | None, displaced: DisplacedLimits | None
+    system: System, expected: Expectation, blur: BlurLimits | None, displaced: DisplacedLimits | None
 ) -> Iterator[str]:
     """Yield what blur and detail forbid of a picture: rel_l2, and what it is of the picture's contrast."""
     # light may come a little nearer where a spot is few pixels wide, since it need not aim at their middles
@@ -110,7 +110,7 @@ def _of_the_error(
             yield f"{word}: {why} a {key} of {found:.2g}{least}, and verify.{key} asks for {limit:g}"
 
 
-def _missed(system: OpticalSystem, value: float) -> list[tuple[str, float, float]]:
+def _missed(system: System, value: float) -> list[tuple[str, float, float]]:
     """Return (key, what it is, its limit) of each limit of [verify] that light with a rel_l2 misses."""
     limits, uniform, screen = system.problem.verify, not system.target.as_picture, system.target.screen()
     target = system.target.irradiance(screen, 1.0) / screen.projection()
@@ -121,7 +121,7 @@ def _missed(system: OpticalSystem, value: float) -> list[tuple[str, float, float
     return [row for row in rows if row[1] > row[2]]
 
 
-def _wider(system: OpticalSystem, blur: BlurLimits | None, backend: Backend) -> Iterator[str]:
+def _wider(system: System, blur: BlurLimits | None, backend: Backend) -> Iterator[str]:
     """Yield the remedy where the blur forbids the light asked for."""
     if blur is None or blur.least is None or not _missed(system, blur.least):
         return

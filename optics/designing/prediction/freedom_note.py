@@ -15,8 +15,7 @@ from optics.designing.starts import STEEP, TransportFit, TransportStart
 from optics.light.outgoing import least_half_widths
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, can_be_lit, nearest_geometry, solvable_system
-from thbcad.lens import Lens
+from optics.scene.system import System, can_be_lit, nearest_geometry, solvable_system
 
 SURELY = 0.9  # of STEEP: the map to another place, and its height, are a little different
 TRIES = 4  # of maps, whose light spreads elsewhere in a lens that is thicker
@@ -28,7 +27,7 @@ PASSING = 0.98  # of the light, at least, that passed before: a thicker lens may
 
 
 def freedom_note(
-    system: OpticalSystem, backend: Backend, start: TransportStart, fits: Sequence[TransportFit]
+    system: System, backend: Backend, start: TransportStart, fits: Sequence[TransportFit]
 ) -> str:
     """Return a sentence on what helps where a design does not take the fits of a start whole, or "".
 
@@ -48,10 +47,10 @@ def freedom_note(
     return start.note(*fits, remedies=[o for way in ways if (o := _tried(system, backend, way))])
 
 
-def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed: float) -> str:
+def narrow_rear_note(system: System, backend: Backend, missed: float) -> str:
     """Return a sentence on the rear of a lens alone that takes the light which a free front sends, or "".
 
-    lens : of the map.  missed : share of the light that misses surfaces behind the first.
+    system : with the lens of the map.  missed : share of the light that misses surfaces behind the first.
     """
     key = system.problem.optic.key("rear") + ".half_width"
     alone = not system.problem.element and system.shaped == "front"
@@ -61,7 +60,7 @@ def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed
     half = [WIDER * h for h in system.base.rear.half_width]
     try:
         other = solvable_system(system.problem.with_(**{key: half}), system.own)
-        least = least_half_widths(other, other.base.with_sags(lens.sags), backend)
+        least = least_half_widths(other.with_lens(other.base.with_sags(system.designed.sags)), backend)
     except (UserError, ValueError):
         return f"{said}: make {key} larger"
     needed = least[system.problem.face_names[-1]]
@@ -71,12 +70,12 @@ def narrow_rear_note(system: OpticalSystem, lens: Lens, backend: Backend, missed
     return f"{said}; --set {shlex.quote(f'{key}={_text(sides)}')} takes it"
 
 
-def gentler_geometries(system: OpticalSystem, start: TransportStart) -> list[str]:
+def gentler_geometries(system: System, start: TransportStart) -> list[str]:
     """Return the options of the nearest geometries in which the surface loses little light."""
     return nearest_geometry(system, lambda other: can_be_lit(other) and is_gentle(other, start))
 
 
-def is_gentle(system: OpticalSystem, start: TransportStart) -> bool:
+def is_gentle(system: System, start: TransportStart) -> bool:
     """Return whether the surface of the map loses surely less than STEEP of the light in a system.
 
     start : of this system, or of one that has its target elsewhere.
@@ -84,13 +83,13 @@ def is_gentle(system: OpticalSystem, start: TransportStart) -> bool:
     return start.lost(system) <= SURELY * STEEP
 
 
-def _thicker(system: OpticalSystem, start: TransportStart, fits: Sequence[TransportFit]) -> float:
+def _thicker(system: System, start: TransportStart, fits: Sequence[TransportFit]) -> float:
     """Return the thickness, mm, in which the fits keep clear of the front."""
     thickness = system.problem.optic.thickness
     return float(f"{thickness + CLEAR * start.overlap(*fits) + APART * thickness:.3g}")
 
 
-def _tried(system: OpticalSystem, backend: Backend, changes: dict[str, Any]) -> str:
+def _tried(system: System, backend: Backend, changes: dict[str, Any]) -> str:
     """Return changes, with the z_freedom and thickness that they take, as options; "" where none serves."""
     optic = system.problem.optic
     for _ in range(TRIES):

@@ -23,9 +23,8 @@ from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
 from optics.scene.paths import AIR, LEAST_COSINE, LightPath
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 INDEX = 0.001
 RIPPLE, PERIOD = 1e-3, 3.0  # mm
@@ -51,9 +50,9 @@ class Sensitivity:
     decentre: float
 
 
-def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitivity:
+def sensitivity(system: System, backend: Backend) -> Sensitivity:
     """Return the Sensitivity of a lens.  backend : of double precision."""
-    path, rays = system.path(lens), system.source.without_extent().rays(RAYS)
+    path, rays = system.path, system.source.without_extent().rays(RAYS)
     landed = _landed(backend, path, rays)
 
     def shifts(other: LightPath, first: LightPath = path) -> tuple[float, float]:
@@ -89,7 +88,7 @@ def sensitivity(system: OpticalSystem, lens: Lens, backend: Backend) -> Sensitiv
     return Sensitivity(*index, grade[0], colours[0], ripple, _decentre(system, path))
 
 
-def _decentre(system: OpticalSystem, path: LightPath) -> float:
+def _decentre(system: System, path: LightPath) -> float:
     """Return the shift by a decentre in the worst direction."""
     if system.source.beam and path.receiver.far_field:
         return 0.0

@@ -14,7 +14,7 @@ from optics.designing.optimisation import Row, Stage, stage_seconds
 from optics.designing.progress.progress_bar import Bar, Lines, drawing
 from optics.scene.keys import AUTO
 from optics.scene.problem import FINEST_AUTO, Freeform, per_level
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 SETUP, START = "setup", "start surface"
 # in evaluations: what the first one of a stage takes more, for which programs are compiled, and what one that
@@ -63,7 +63,7 @@ class Size:
     flat: bool = False
 
     @classmethod
-    def of(cls, system: OpticalSystem) -> Size:
+    def of(cls, system: System) -> Size:
         columns, rows = system.target.settings.pixels
         free = system.problem.optic.free.values()
         return cls(
@@ -147,7 +147,7 @@ class DesignProgress:
         if self._drawing:
             self._drawing.close()
 
-    def asked(self, system: OpticalSystem) -> None:
+    def asked(self, system: System) -> None:
         """Say what is asked for, before it is known what is left to the program."""
         self._size, problem = Size.of(system), system.problem
         iterations = per_level(problem.optimizer.iterations, max(map(_finest, system.freeforms)))

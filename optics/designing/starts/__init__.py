@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         TransportFit,
         TransportStart,
         least_auto,
-        spot_lens,
+        spot_system,
     )
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -20,7 +20,7 @@ from optics.designing.transport import Transport, height_from_slopes, prewarped,
 from optics.light.refraction import RestOfPath, ShapedSurface
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.system import System, target_irradiance
 from thbcad.checks import Bools, Floats
 
 SNELL_STEPS = 4
@@ -34,7 +34,7 @@ CHANGE_WITHIN = 0.1
 class ParallelStart:
     """path : with the losses to make up for.  counts : (nx, ny) cells of the light on the rear."""
 
-    system: OpticalSystem
+    system: System
     backend: Backend
     path: LightPath
     wanted: Picture

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from optics.base.runtime import Backend
 from optics.designing.starts.traced_light import light_before
 from optics.designing.starts.transport_start import TransportFit
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PIXELS = 64  # in a direction, at most; more are merged: a poor start is wrong by more than a merged pixel
 CLOSE = 0.05  # a misfit at which it does not matter that the base surface has less
@@ -42,7 +42,7 @@ class StartQuality:
         )
 
 
-def start_quality(system: OpticalSystem, backend: Backend, fit: TransportFit) -> StartQuality | None:
+def start_quality(system: System, backend: Backend, fit: TransportFit) -> StartQuality | None:
     """Return the quality of a fit of a start; None where light has extent or is blurred.
 
     Nothing blocks the light, since the map knows of no stops.
@@ -50,9 +50,9 @@ def start_quality(system: OpticalSystem, backend: Backend, fit: TransportFit) ->
     if system.source.extended or system.blurred:
         return None
     coarsening = -(-max(system.target.settings.pixels) // PIXELS)
-    moved = system.base.with_sags([*system.base.sags[:-1], fit.sag])
+    moved = system.with_sags([*system.sags[:-1], fit.sag])
     start, base = (
-        light_before(system, lens, backend, coarsening, system.path(lens).without_stops())[1]
-        for lens in (moved, system.base)
+        light_before(shaped, backend, coarsening, shaped.path.without_stops())[1]
+        for shaped in (moved, system.unshaped)
     )
     return None if start is None or base is None else StartQuality(start, base)

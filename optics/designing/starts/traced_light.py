@@ -11,15 +11,14 @@ from optics.light.analysis import cell_irradiance, coloured, rel_l2
 from optics.light.blur import blur_of
 from optics.light.tracing import SequentialFates, Tracer
 from optics.scene.paths import LightPath
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 CELLS_PER_PIXEL, MOST_CELLS = 3, 2048  # of the source in each direction
 RAYS = 1 << 17  # of an extended source
 
 
 def light_before(
-    system: OpticalSystem, lens: Lens, backend: Backend, coarsening: int = 1, path: LightPath | None = None
+    system: System, backend: Backend, coarsening: int = 1, path: LightPath | None = None
 ) -> tuple[SequentialFates, float | None]:
     """Return the flux by fate and the rel_l2 of a lens; None for the latter where the source has extent.
 
@@ -28,7 +27,7 @@ def light_before(
     is wider by the blur's reach.
     coarsening : pixels that are merged in each direction.  path : another one through the lens.
     """
-    seen, blurred, path = system.target.screen(coarsening), None, path or system.shaded_path(lens)
+    seen, blurred, path = system.target.screen(coarsening), None, path or system.shaded_path
     screen, target = seen, system.target
     if system.blurred:
         blurred, system = blur_of(system, path, backend).onto(seen), system.sharp

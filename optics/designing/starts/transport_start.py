@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 
@@ -27,7 +27,7 @@ from optics.designing.starts.rear_light import DARK, RearLight, as_many_within
 from optics.light.blur import aimed
 from optics.scene.problem import Freeform
 from optics.scene.receivers import lit_part
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.fitting import fit_slopes, level_misfits, seen_functions
 from thbcad.hierarchy import THBSpace
@@ -93,9 +93,9 @@ class TransportStart:
     """
 
     def __init__(
-        self, system: OpticalSystem, backend: Backend, most: int = MOST_CELLS, rounds: int = MOST_ROUNDS
+        self, system: System, backend: Backend, most: int = MOST_CELLS, rounds: int = MOST_ROUNDS
     ) -> None:
-        system = aimed(system, spot_lens(system, backend), backend)
+        system = aimed(spot_system(system, backend), backend).unshaped
         self._system, self._lens, self._backend = system, system.base, backend
         screen, receiver = system.goal.screen(), system.target.receiver
         self.lit, centre, self.half_lit = lit_part(system.goal.irradiance(screen, 1.0), screen, DARK)
@@ -106,7 +106,7 @@ class TransportStart:
         narrow = receiver.across_axis and not (receiver.far_field and max(self.half_lit) > WIDE)
         crosses, finest = system.target.settings.crossing, system.freeforms[-1].finest
         picture = Picture(np.ascontiguousarray(self.lit[::-1].T), centre, self.half_lit, crosses)
-        path = system.path(self._lens)
+        path = system.path
         path = path if system.problem.optimizer.fresnel else path.without_reflection()
         if system.parallel and system.shaped == "rear" and narrow and not crosses:
             self._shaped = ParallelStart(system, backend, path, picture, (nx, ny)).shaped()
@@ -166,11 +166,11 @@ class TransportStart:
         level = min(max(f.finest for f in freeforms), _quick(freeforms[-1]))
         return self.fit(self._lens.sags[-1].space.uniform(level))
 
-    def levelled(self, system: OpticalSystem) -> TransportStart:
+    def levelled(self, system: System) -> TransportStart:
         """Return the start of the system with levels where they were left to the program: this one, unless
         its map has too few cells for them."""
         known = copy(self)
-        known._system = replace(self._system, problem=system.problem)
+        known._system = self._system.with_prescription(problem=system.problem)
         if _cells(known._system, known._system.goal.screen().pixels, self._most) == self._cells:
             return known
         return TransportStart(system, self._backend, self._most)
@@ -204,10 +204,10 @@ class TransportStart:
         x, y = light.x[:, None], light.y[None, :]
         return light, [s + conic(x, y, d) for s, d in zip(above, ((1, 0), (0, 1)))]
 
-    def lost(self, system: OpticalSystem) -> float:
+    def lost(self, system: System) -> float:
         """Return the share of the light that the surface loses, see `lost_share`, to make its picture on a
         target that lies elsewhere; with what misses an element that is turned."""
-        path, here = system.path(self._lens), self._system.path(self._lens)
+        path, here = system.path, self._system.path
         number = path.shaped
         sides = zip(system.target.settings.half_width, self._system.target.settings.half_width)
         places = [new / old * a for (new, old), a in zip(sides, self._shaped.places)]
@@ -229,7 +229,7 @@ class TransportStart:
         """
         light, (zx, zy), target = self._light, self._slopes, self._system.target
         misfits = level_misfits(self._lens.sags[-1].space, light.x, light.y, zx, zy, light.weight, finest + 1)
-        path = self._system.path(self._lens)
+        path = self._system.path
         before, behind = (medium.index for medium in path.media[path.shaped : path.shaped + 2])
         reflects = path.surfaces[path.shaped].kind == "reflect"
         moved = (2 * before if reflects else abs(before - behind)) * path.lever / min(target.screen().pitch)
@@ -301,7 +301,7 @@ class TransportStart:
         return [*fits, *([self.traced] if self.traced else [])]
 
 
-def _cells(system: OpticalSystem, pixels: Sequence[int], most: int) -> list[int]:
+def _cells(system: System, pixels: Sequence[int], most: int) -> list[int]:
     """Return the cells of a map in x and y: enough for pixels, and for a fit on the finest mesh, or on
     the coarsest that may be chosen.
 
@@ -341,13 +341,17 @@ def within_bound(sag: THBSurface, bound: float) -> THBSurface:
     return THBSurface(sag.space, np.clip(sag.coefficients, -bound, bound))
 
 
-def spot_lens(system: OpticalSystem, backend: Backend) -> Lens:
-    """Return the lens that tells the blur of a system before there is a design: the base lens, that sends its
-    light about to a target across the axis, and that of a coarse map to any other one."""
+def spot_system(system: System, backend: Backend) -> System:
+    """Return the system with the lens whose blur stands for that of the design, before there is one.
+
+    This is the base lens where it sends light about to the target, one across the axis; otherwise it is the
+    lens of a coarse map.
+    """
+    base = system.with_lens(system.base)
     if not system.blurred or system.target.receiver.across_axis:
-        return system.base
+        return base
     start = TransportStart(system.sharp, backend, SPOT_CELLS)
-    return _with_last(system.base, start.fit(system.base.sags[-1].space).sag)
+    return base.with_lens(_with_last(base.designed, start.fit(base.designed.sags[-1].space).sag))
 
 
 def _with_last(lens: Lens, sag: THBSurface) -> Lens:

@@ -14,7 +14,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.receivers import Receiver
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.certified import (
     DIRECTIONS,
     ConvexRegion,
@@ -53,7 +53,7 @@ class LightHulls:
     exact: bool
 
 
-def light_hulls(lens: Lens, system: OpticalSystem | None, heights: tuple[float, float]) -> LightHulls:
+def light_hulls(lens: Lens, system: System | None, heights: tuple[float, float]) -> LightHulls:
     """Return the LightHulls of a lens in the light of a system, or in any light.
 
     heights : z of the lowest and the highest point of the part, mm.
@@ -146,7 +146,7 @@ def _active(kv: KnotVector, low: float, high: float) -> slice:
     return slice(first, int(np.searchsorted(kv.knots[: kv.dim], high, side="left")))
 
 
-def _lit_target(system: OpticalSystem) -> Floats:
+def _lit_target(system: System) -> Floats:
     """Return corners of the rows of pixels that are to be lit, (n, 2), mm, in the far field degrees."""
     target = system.target
     screen = target.screen()

@@ -19,7 +19,7 @@ from optics.exchange.assemblies.light_samples import (
     stopped_light,
     straight_paths,
 )
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.cad.exchange import SolidState, face_triangles, faces_of
 from thbcad.cad.parts import (
     edges_within,
@@ -55,7 +55,7 @@ class PartLight:
     solid: Shape
     optical: tuple[int, int]
     lens: Lens
-    system: OpticalSystem | None
+    system: System | None
 
     @cached_property
     def faces(self) -> list[Face]:
@@ -146,9 +146,7 @@ class PartLight:
         if self.system is None:
             return stopped_light(straight_paths(self.lens), obstruction)
         assert self.hulls.target is not None
-        return stopped_light(
-            sampled_light(self.system, self.lens, self.hulls.target, self.heights), obstruction
-        )
+        return stopped_light(sampled_light(self.system, self.hulls.target, self.heights), obstruction)
 
     def _optical(self, name: str) -> Face:
         return self.faces[self.optical[NAMES.index(name)]]

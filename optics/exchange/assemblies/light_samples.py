@@ -11,7 +11,7 @@ from optics.exchange.assemblies.blocked_paths import Obstacles, within_outline
 from optics.light.tracing import Tracer
 from optics.scene.receivers import Receiver
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.certified import DIRECTIONS
 from thbcad.checks import Floats
 from thbcad.lens import Lens
@@ -92,9 +92,7 @@ def stopped_light(sets: Iterator[Paths], obstruction: Obstruction) -> Stopped:
     return Stopped(share, max(error, 1 / count), count, voided)
 
 
-def sampled_light(
-    system: OpticalSystem, lens: Lens, target: Floats, heights: tuple[float, float]
-) -> Iterator[Paths]:
+def sampled_light(system: System, target: Floats, heights: tuple[float, float]) -> Iterator[Paths]:
     """Yield sets of about a million rays of a source together, those that reach the lit part of the target.
 
     target : its supports, as of `LightHulls`.  heights : z of planes before and behind all of the part, mm.
@@ -102,7 +100,7 @@ def sampled_light(
     backend = system.backend
     side = isqrt(RAYS // SETS)
     for rays in _light(system, side, heights[0]):
-        tracer = Tracer(backend, system.path(lens), rays)
+        tracer = Tracer(backend, system.path, rays)
         with backend.dr.suspend_grad():
             (front, rear), landing = tracer.trace_all()
             assert front is not None
@@ -111,10 +109,10 @@ def sampled_light(
             values += [landing.x, landing.y, landing.p, landing.q, landing.flux]
             backend.dr.eval(values)
         met = np.stack(np.broadcast_arrays(*(value.numpy() for value in values)))
-        yield _paths(rays, met, lens.thickness, target, system.target.receiver, heights[1])
+        yield _paths(rays, met, system.designed.thickness, target, system.target.receiver, heights[1])
 
 
-def _light(system: OpticalSystem, side: int, low: float) -> Iterator[Rays]:
+def _light(system: System, side: int, low: float) -> Iterator[Rays]:
     """Yield independent sets of about side^2 rays; those of a beam start before all of the part."""
     source, fresh = system.source, np.random.default_rng(SEED)
     if source.collimated:
@@ -131,7 +129,7 @@ def _light(system: OpticalSystem, side: int, low: float) -> Iterator[Rays]:
             yield Rays(part.origin - back * part.direction, part.direction, part.flux)
 
 
-def _scattered(grid: RayGrid, system: OpticalSystem, low: float, fresh: np.random.Generator) -> Rays:
+def _scattered(grid: RayGrid, system: System, low: float, fresh: np.random.Generator) -> Rays:
     """Return the rays of a grid, each at a random place between its neighbours: bars along the grid are met
     as often as others."""
     rays = grid.rays(low)

@@ -22,7 +22,7 @@ from optics.exchange.verification import (
 )
 from optics.light.tracing import LandingPoints
 from optics.scene.receivers import receiver_at
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.cad.exchange import SolidState, step_bytes, step_shape
 from thbcad.cad.parts import (
     PlacedLens,
@@ -112,7 +112,7 @@ def _frame(entities: Entities, item: Value, user: Entity) -> Floats:
 
 
 def part_checks(
-    path: Path, lens: Lens, by_optiland: bool, system: OpticalSystem | None = None
+    path: Path, lens: Lens, by_optiland: bool, system: System | None = None
 ) -> tuple[list[Check], list[str]]:
     """Return the Checks of a part with a lens, by its text, by OCCT and in its light, and what is left out.
 

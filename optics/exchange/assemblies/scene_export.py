@@ -11,7 +11,7 @@ import numpy as np
 from optics.base.runtime import Check, UserError
 from optics.exchange.verification import differing_numbers
 from optics.scene.receivers import Plane
-from optics.scene.system import OpticalSystem, scene_parts, source_frames
+from optics.scene.system import System, scene_parts, source_frames
 from thbcad.cad.exchange import (
     PlacedShape,
     conic_faces,
@@ -40,11 +40,7 @@ SPANS = 16  # of a curved screen in each direction
 
 
 def export_scene(
-    system: OpticalSystem,
-    lens: Lens,
-    path: Path,
-    staged: bool = False,
-    files: Mapping[str, Path] = MappingProxyType({}),
+    system: System, path: Path, staged: bool = False, files: Mapping[str, Path] = MappingProxyType({})
 ) -> list[Check]:
     """Write the elements of a scene as one assembly, and return its checks, as `scene_checks`.
 
@@ -54,7 +50,7 @@ def export_scene(
     Raises UserError : the body of an element cannot be made.
     """
     try:
-        bodies = _bodies(system, lens, staged)
+        bodies = _bodies(system, staged)
         written = _assembled(system, bodies, files)
     except ValueError as error:
         raise UserError(f"cannot write the STEP file of the scene: {error}") from None
@@ -62,20 +58,20 @@ def export_scene(
     return _checks(bodies, path)
 
 
-def scene_text_check(system: OpticalSystem, lens: Lens, path: Path, files: Mapping[str, Path]) -> Check:
+def scene_text_check(system: System, path: Path, files: Mapping[str, Path]) -> Check:
     """Return the check that the file of a scene holds the very entities of the files of its elements.
 
     files : of all elements by name.
 
     Raises OSError : a file cannot be read.
     """
-    wanted = _assembled(system, _bodies(system, lens, staged=False), files)
+    wanted = _assembled(system, _bodies(system, staged=False), files)
     mine, theirs = (Counter(text.split(b";")) for text in (path.read_bytes(), wanted))
     off = max((mine - theirs).total(), (theirs - mine).total())
     return Check.none_of("scene: entities that differ from the files of its elements, in their places", off)
 
 
-def _assembled(system: OpticalSystem, bodies: Sequence[Body], files: Mapping[str, Path]) -> bytes:
+def _assembled(system: System, bodies: Sequence[Body], files: Mapping[str, Path]) -> bytes:
     parts = [
         (files[product.name].read_bytes() if product.name in files else part, product, pose)
         for part, product, pose in bodies
@@ -83,13 +79,13 @@ def _assembled(system: OpticalSystem, bodies: Sequence[Body], files: Mapping[str
     return scene_step(parts, system.product, system.problem.export.schema)
 
 
-def scene_checks(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
+def scene_checks(system: System, path: Path) -> list[Check]:
     """Return the Checks of names, places and numbers of the parts that OCCT reads in the file of a scene.
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or no assembly.
     """
     read_file(path)  # a file that is cut off or damaged never reaches OCCT
-    return _checks(_bodies(system, lens, staged=False), path)
+    return _checks(_bodies(system, staged=False), path)
 
 
 def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:
@@ -100,11 +96,11 @@ def _checks(bodies: Sequence[Body], path: Path) -> list[Check]:
     return checks
 
 
-def _bodies(system: OpticalSystem, lens: Lens, staged: bool) -> list[Body]:
-    bodies = [(part_of(p.made), product_of(p.made, p.product), p.pose) for p in scene_parts(system, lens)]
+def _bodies(system: System, staged: bool) -> list[Body]:
+    bodies = [(part_of(p.made), product_of(p.made, p.product), p.pose) for p in scene_parts(system)]
     if not staged:
         return bodies
-    made = system.made(lens)
+    made = system.made
     plate = made if isinstance(made, Plate) else None
     places = [(0.0, 0.0)] if plate is None else plate.places.tolist()
     x, y = (0.0, 0.0) if plate is None else plate.middle  # which faces the middle of the screen
@@ -127,7 +123,7 @@ def _number_check(part: PlacedShape, body: Part, name: str) -> Check:
     return Check.none_of(f"scene: numbers of {name} that differ from those in memory", off)
 
 
-def _sources(system: OpticalSystem, places: Sequence[Sequence[float]]) -> Iterator[Body]:
+def _sources(system: System, places: Sequence[Sequence[float]]) -> Iterator[Body]:
     """Yield every source as a thin plate, whose rear shines.
 
     places : x and y of the lenses, mm, each of which has all sources of the problem.
@@ -146,7 +142,7 @@ def _sources(system: OpticalSystem, places: Sequence[Sequence[float]]) -> Iterat
         yield plate, Product(name), pose @ Pose.at((0.0, 0.0, -source.distance - THIN))
 
 
-def _screen(system: OpticalSystem) -> list[Body]:
+def _screen(system: System) -> list[Body]:
     """Return the screen as a sheet behind the light, none in the far field; a curved one is fitted."""
     receiver, half = system.target.receiver, system.target.settings.half_width
     if receiver.far_field:

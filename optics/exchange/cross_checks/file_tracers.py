@@ -16,7 +16,7 @@ from optics.exchange.mitsuba import load_mitsuba
 from optics.exchange.verification import StepFile
 from optics.light.tracing import LandingPoints
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import System, require_lens_on_axis
 from thbcad.doors import pip_command
 from thbcad.lens import FreeformSurface, OpticalForm
 from thbcad.sags import PlacedConic
@@ -80,12 +80,12 @@ def require_tracer(name: str, rays: int | None) -> int:
     return usual if rays is None else rays
 
 
-def require_traced(system: OpticalSystem) -> None:
+def require_traced(system: System) -> None:
     """Raise UserError where other programs trace no file of the system."""
     require_lens_on_axis(system, "traces of a file by other programs", "verify it without --light")
 
 
-def file_tracer(name: str, file: StepFile, system: OpticalSystem, nodes: int = NODES) -> FileTracer:
+def file_tracer(name: str, file: StepFile, system: System, nodes: int = NODES) -> FileTracer:
     """Return a tracer of a STEP file to the target of a system.
 
     nodes : of Mitsuba's meshes, in each direction of a face that is not plane, at least.
@@ -135,7 +135,7 @@ def index_of(file: StepFile) -> float:
 
 
 def _by_mitsuba(
-    file: StepFile, system: OpticalSystem, index: float, least: int
+    file: StepFile, system: System, index: float, least: int
 ) -> tuple[Callable[[Rays], LandingPoints], Callable[[Rays], LandingPoints]]:
     from optics.exchange.cross_checks.meshed_file import MeshedLens, coarser, optical_nodes  # OCCT
 

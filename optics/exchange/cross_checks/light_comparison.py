@@ -28,9 +28,8 @@ from optics.light.analysis import cell_irradiance
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 RAYS_PER_PIXEL = 400  # noise of 5 %
 RAYS_AT_ONCE = 1 << 20
@@ -169,15 +168,13 @@ class _Sums:
     seconds: float = 0.0
 
 
-def compare_light(
-    system: OpticalSystem, lens: Lens, tracer: FileTracer, count: int, backend: Backend
-) -> LightComparison:
+def compare_light(system: System, tracer: FileTracer, count: int, backend: Backend) -> LightComparison:
     """Return the LightComparison of `count` random rays of the system's source.
 
     backend : of double precision.
     """
     # of these a STEP file tells nothing
-    path = system.path(lens).without_absorption().without_stops().without_coats()
+    path = system.path.without_absorption().without_stops().without_coats()
     parts = random_rays(system.source, tracer.start, count, system.problem.run.seed + 1, RAYS_AT_ONCE)
     screen, sums = _traced(system, path, tracer, parts, count, backend)
     ours, error = _without_them(system, path, screen, count, backend)
@@ -202,7 +199,7 @@ def compare_light(
 
 
 def _traced(
-    system: OpticalSystem,
+    system: System,
     path: LightPath,
     tracer: FileTracer,
     parts: Iterator[Rays],
@@ -231,7 +228,7 @@ def _traced(
     return screen, sums
 
 
-def merged(system: OpticalSystem, landing: float) -> Screen:
+def merged(system: System, landing: float) -> Screen:
     """Return the target with pixels on each of which about RAYS_PER_PIXEL of `landing` rays fall, or with its
     own ones where these are larger."""
     screen = system.target.screen()
@@ -241,7 +238,7 @@ def merged(system: OpticalSystem, landing: float) -> Screen:
 
 
 def _without_them(
-    system: OpticalSystem, path: LightPath, screen: Screen, count: int, backend: Backend
+    system: System, path: LightPath, screen: Screen, count: int, backend: Backend
 ) -> tuple[Floats, Floats | None]:
     """Return (our irradiance without the random rays, its error): of cells, or of two sets of Sobol points.
 

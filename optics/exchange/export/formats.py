@@ -74,10 +74,10 @@ def labelled_lens(result: str) -> tuple[Lens, Labels]:
     """
     path = Path(result)
     if path.is_dir():
-        system, lens, _ = ResultFolder(path).read()
+        system = ResultFolder(path).read().system
         for sentence in beside(system.problem):
             note(sentence)
-        return lens, Labels(system.product, system.problem.export.schema)
+        return system.designed, Labels(system.product, system.problem.export.schema)
     return lens_of(path, "give a result folder or a lens.json"), NAMELESS
 
 
@@ -89,13 +89,13 @@ def moulded_in(result: str, body: Body) -> Body:
     path = Path(result)
     if not path.is_dir():
         return body
-    system, lens, _ = ResultFolder(path).read()
+    system = ResultFolder(path).read().system
     if system.problem.optic.array is not None:
         raise UserError(
             f"{path} holds a plate of lenses, which {path / 'lens.step'} has as one solid; export lens.json "
             "of it for one lens without the plate"
         )
-    return replace(body, moulded=system.body, clear=system.clear_aperture(lens))
+    return replace(body, moulded=system.body, clear=system.clear_aperture)
 
 
 def format_of(out: str, wanted: str | None) -> str:

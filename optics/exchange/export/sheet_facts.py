@@ -19,7 +19,7 @@ import numpy as np
 from optics.base.runtime import UserError, checks_of
 from optics.exchange.results import ResultFolder, sha256_of
 from optics.scene.problem import Placed
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.io import read_json
 from thbcad.lens import FreeformSurface, Lens
@@ -41,8 +41,7 @@ class SheetFacts:
     tolerance : of tolerance.json, None where `thbcad tolerance` has not run
     """
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     sha256: str
     angles: Mapping[str, float]
     tolerance: Mapping[str, Any] | None
@@ -57,7 +56,7 @@ class SheetFacts:
         folder = ResultFolder(result)
         if folder.path.is_file():
             raise UserError(f"a sheet needs the problem of a result folder, and {result} is a file")
-        system, lens, record = folder.read()
+        system, record = folder.read()
         if system.reflects or system.problem.optic.array is not None:
             raise UserError(
                 f"a sheet is of one lens, and {result} holds a mirror or a plate of lenses; "
@@ -73,11 +72,15 @@ class SheetFacts:
             )
         angles = {face: made[face]["slope_degrees"]["upper"] for face in FACES}
         known = _tolerances(folder.path / TOLERANCES, record["run_id"])
-        return cls(system, lens, sha256_of(folder.step), angles, known)
+        return cls(system, sha256_of(folder.step), angles, known)
+
+    @property
+    def lens(self) -> Lens:
+        return self.system.designed
 
     def clear(self, face: str) -> Outline:
         """Return the clear aperture of a surface, where there is none its outline."""
-        clear = self.system.clear_aperture(self.lens)
+        clear = self.system.clear_aperture
         return self._surface(face).outline if clear is None else clear[FACES.index(face)]
 
     def amount(self, *names: str, factor: float = 1.0) -> tuple[str, Origin] | None:
@@ -134,7 +137,7 @@ class SheetFacts:
     @property
     def parting(self) -> str | None:
         """Where the parting line of that body lies."""
-        solid = self.system.solid(self.lens)
+        solid = self.system.solid
         return f"z = {solid.parting:.4f} mm" if isinstance(solid, MouldedBody) else None
 
     @property

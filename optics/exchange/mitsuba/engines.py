@@ -40,7 +40,7 @@ from optics.light.engines import (
 )
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.splines import KnotVector
@@ -50,7 +50,7 @@ FEWEST = 448  # spaces between the vertices, in each direction
 INSIDE = 1 - 1e-6  # of the half-width: a ray on the rim itself could miss the mesh in single precision
 
 
-def require_meshable(system: OpticalSystem) -> None:
+def require_meshable(system: System) -> None:
     """Refuse what meshes do not know.
 
     Raises UserError : stops, a clear aperture, coatings or absorption.
@@ -73,10 +73,11 @@ class MeshEngine:
     backend: Backend
     drawn: DrawnRays = field(default_factory=DrawnRays, repr=False)
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
+    def model(self, system: System, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
+        lens = system.designed
         require_meshable(system)
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film, self.drawn)
+        rays, window, mirrors = measured_rays(self.backend, system, film, self.drawn)
         tracer = MeshTracer(
             lens_mesh(lens),
             _within(rays, lens),
@@ -116,10 +117,10 @@ class RenderingEngine:
 
     traced: Engine
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> RenderedModel:
+    def model(self, system: System, film: Film) -> RenderedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        names = [name for name, surface, _ in lens.faces if surface.sag is not None]
-        return RenderedModel(self.traced.model(system, lens, film), names)
+        names = [name for name, surface, _ in system.designed.faces if surface.sag is not None]
+        return RenderedModel(self.traced.model(system, film), names)
 
 
 class RenderedModel:

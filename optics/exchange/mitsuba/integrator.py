@@ -41,9 +41,8 @@ from optics.exchange.mitsuba.loading import current_mitsuba, mitsuba_backend
 from optics.exchange.results import ResultFolder
 from optics.light.engines import Light, LightModel, TracedModel
 from optics.light.tracing import Tracer
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 Models = Callable[[Any, int], LightModel]  # of a sensor and its samples per pixel
 
@@ -106,13 +105,12 @@ def register() -> None:
     mi = current_mitsuba()
 
     def make(properties: Any) -> Any:
-        system, lens, _ = ResultFolder(properties["result"]).read()
-        return _exact(mi, properties, system, lens)
+        return _exact(mi, properties, ResultFolder(properties["result"]).read().system)
 
     mi.register_integrator(NAME, make)
 
 
-def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
+def exact_integrator(system: System) -> Any:
     """Return the integrator of a system and a lens, mi.Integrator.
 
     It serves ``mi.render``, or ``mi.load_dict`` of a scene.
@@ -120,7 +118,7 @@ def exact_integrator(system: OpticalSystem, lens: Lens) -> Any:
     Raises UserError : as `load_mitsuba`.
     """
     mi = current_mitsuba()
-    return _exact(mi, mi.Properties(), system, lens)
+    return _exact(mi, mi.Properties(), system)
 
 
 def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
@@ -133,15 +131,15 @@ def light_integrator(model: LightModel, coefficients: dict[str, Floats]) -> Any:
     return _integrator_class(mi, mi.variant())(mi.Properties(), parameters, True)
 
 
-def _exact(mi: ModuleType, properties: Any, system: OpticalSystem, lens: Lens) -> Any:
+def _exact(mi: ModuleType, properties: Any, system: System) -> Any:
     backend = mitsuba_backend(mi)
-    coefficients = {name: s.sag.coefficients for name, s, _ in lens.faces if s.sag is not None}
+    coefficients = {name: s.sag.coefficients for name, s, _ in system.designed.faces if s.sag is not None}
 
     @cache
     def film(columns: int, rows: int, spp: int) -> TracedModel:
         screen = replace(system.target.screen(), pixels=(columns, rows))
         rays = system.source.rays([ceil(sqrt(spp) * n) for n in (columns, rows)])
-        tracer = Tracer(backend, system.path(lens), rays)
+        tracer = Tracer(backend, system.path, rays)
         return TracedModel(backend, tracer, screen, stage_window(system.problem, final=True))
 
     parameters = _Parameters(

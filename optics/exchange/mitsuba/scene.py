@@ -30,9 +30,8 @@ from optics.scene.sources import (
     PointSource,
     Profile,
 )
-from optics.scene.system import OpticalSystem, pose_of
+from optics.scene.system import System, pose_of
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.poses import IDENTITY, Pose
 
 REFLECTANCE = 2.0**-7  # of the screen
@@ -42,7 +41,7 @@ DEPTH = 16  # most vertices of a light path
 TEXTURE = 512  # columns and rows of a source's density, where it is no picture
 
 
-def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
+def mitsuba_scene(system: System, mesh: LensMesh) -> Any:
     """Return the Mitsuba scene, mi.Scene, of a problem and its lens; lengths in mm, fluxes in W.
 
     `mesh.update` moves the lens.
@@ -53,8 +52,8 @@ def mitsuba_scene(system: OpticalSystem, mesh: LensMesh) -> Any:
 
 
 def scene_dictionary(
-    system: OpticalSystem,
-    lens: Lens | LensMesh,
+    system: System,
+    mesh: LensMesh | None = None,
     screen: Screen | None = None,
     sigma: float = 0.0,
     brighter: float = 1.0,
@@ -65,7 +64,7 @@ def scene_dictionary(
     tracer); of several sources "source_1", "source_2"; of elements "L1_front" and so on.  The camera sees the
     irradiance E as pi L / REFLECTANCE, mirrored in x: see `camera_irradiance`.
 
-    lens : or its mesh; a lens has one of VERTICES in each direction.
+    mesh : of the designed lens; left out, one of VERTICES in each direction.
     screen : and its pixels, those of the target where it is left out.
     sigma : pixels, of the Gaussian in which the camera's film measures; 0 is a film of box pixels.
     brighter : factor of the source's flux.
@@ -86,12 +85,12 @@ def scene_dictionary(
         raise UserError('Mitsuba\'s screen is a plane: target.surface must be "plane"')
     screen, mi = screen or system.target.screen(), current_mitsuba()
     square_pixels(screen)
-    meshes = body_meshes(system, lens)
+    meshes = body_meshes(system, mesh)
     surfaces = face_surfaces(system, meshes)
     shapes: dict[str, Any] = {}
-    for mesh, face in product(meshes, FACES):
-        shapes |= mesh.shapes(mi, [face], mi.load_dict(surfaces[mesh.named(face)]))
-    points = np.concatenate([mesh.points for mesh in meshes], axis=1)
+    for body, face in product(meshes, FACES):
+        shapes |= body.shapes(mi, [face], mi.load_dict(surfaces[body.named(face)]))
+    points = np.concatenate([body.points for body in meshes], axis=1)
     lowest = 0.0 if system.problem.element else float(meshes[0].surfaces["front"].jet()[0].min())
     return {
         "type": "scene",
@@ -103,12 +102,12 @@ def scene_dictionary(
     }
 
 
-def body_meshes(system: OpticalSystem, lens: Lens | LensMesh) -> list[LensMesh]:
+def body_meshes(system: System, mesh: LensMesh | None = None) -> list[LensMesh]:
     """Return the meshes of all elements in the order of the problem, where they lie, with their names.
 
-    lens : of the one that is designed, or its mesh.
+    mesh : as of `scene_dictionary`.
     """
-    own = lens if isinstance(lens, LensMesh) else LensMesh.uniform(lens, VERTICES)
+    own = mesh or LensMesh.uniform(system.designed, VERTICES)
     if not system.problem.element:
         return [own]
     others = {optic.called: LensMesh.uniform(blank, VERTICES) for optic, blank in system.others}
@@ -118,7 +117,7 @@ def body_meshes(system: OpticalSystem, lens: Lens | LensMesh) -> list[LensMesh]:
     ]
 
 
-def face_surfaces(system: OpticalSystem, meshes: Sequence[LensMesh]) -> dict[str, dict[str, Any]]:
+def face_surfaces(system: System, meshes: Sequence[LensMesh]) -> dict[str, dict[str, Any]]:
     """Return by the names of faces what they do with light: they are glass, a mirror, or black."""
     found: dict[str, dict[str, Any]] = {}
     for optic, mesh in zip(system.problem.optics, meshes):
@@ -134,7 +133,7 @@ def face_surfaces(system: OpticalSystem, meshes: Sequence[LensMesh]) -> dict[str
     return found
 
 
-def require_open(system: OpticalSystem) -> None:
+def require_open(system: System) -> None:
     """Raise UserError where stops or a clear aperture block light, of which meshes know nothing."""
     if system.stops or any(any(optic.clear_aperture) for optic in system.problem.optics):
         raise UserError(
@@ -143,12 +142,12 @@ def require_open(system: OpticalSystem) -> None:
         )
 
 
-def absorbs(system: OpticalSystem) -> bool:
+def absorbs(system: System) -> bool:
     """Return whether light is absorbed on its way in glass, of which scenes and meshes know nothing."""
-    return any(medium.absorption for medium in system.path(system.base).media)
+    return any(medium.absorption for medium in system.unshaped.path.media)
 
 
-def coated(system: OpticalSystem) -> bool:
+def coated(system: System) -> bool:
     """Return whether the faces of a lens are coated."""
     return any(isinstance(optic, LensSpec) and optic.coats != (None, None) for optic in system.problem.optics)
 

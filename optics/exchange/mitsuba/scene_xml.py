@@ -18,8 +18,7 @@ from optics.exchange.mitsuba.cameras import overview_camera
 from optics.exchange.mitsuba.loading import current_mitsuba
 from optics.exchange.mitsuba.mesh import FACES
 from optics.exchange.mitsuba.scene import REFLECTANCE, body_meshes, face_surfaces, scene_dictionary
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 PLUGINS = {  # that `scene_dictionary` names, by their tags
     "scene": ("scene",),
@@ -40,7 +39,7 @@ SAMPLES = {"sensor": 256, "overview": 16}  # light paths per pixel: the overview
 SINGLE = 2.0**-22  # relative, of coordinates in float32
 
 
-def scene_file_names(system: OpticalSystem, out: Path) -> list[Path]:
+def scene_file_names(system: System, out: Path) -> list[Path]:
     """Return the files of a scene: the XML, its meshes, and what may be pictures of its sources."""
     optics = system.problem.optics
     called = [f"{optic.called}_" for optic in optics] if system.problem.element else [""]
@@ -50,14 +49,15 @@ def scene_file_names(system: OpticalSystem, out: Path) -> list[Path]:
     return [out, *(out.with_name(f"{out.stem}_{name}") for name in names)]
 
 
-def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, bytes]:
+def scene_files(system: System, out: Path) -> dict[Path, bytes]:
     """Return the files of a system's scene by their paths; see `scene_dictionary`.
 
     Raises UserError : as `scene_dictionary`.
     """
-    mi, meshes = current_mitsuba(), body_meshes(system, lens)
+    lens = system.designed
+    mi, meshes = current_mitsuba(), body_meshes(system)
     brighter = pi / (REFLECTANCE * irradiance_of_one(system))
-    scene = scene_dictionary(system, lens, brighter=brighter)
+    scene = scene_dictionary(system, brighter=brighter)
     middle = system.pose.points(np.array([0.0, 0.0, lens.thickness / 2]))
     size = max(lens.rear.half_width)
     receiver = system.target.receiver
@@ -90,19 +90,19 @@ def scene_files(system: OpticalSystem, lens: Lens, out: Path) -> dict[Path, byte
     return {out: ElementTree.tostring(root, "utf-8", xml_declaration=True) + b"\n", **files}
 
 
-def irradiance_of_one(system: OpticalSystem) -> float:
+def irradiance_of_one(system: System) -> float:
     """Return the irradiance that is 1 in the pictures of a scene's files, W/mm^2: the greatest of the target,
     were all light of the source there."""
     screen = system.target.screen()
     return float(system.target.irradiance(screen, system.problem.flux).max())
 
 
-def scene_checks(system: OpticalSystem, lens: Lens, path: Path) -> list[Check]:
+def scene_checks(system: System, path: Path) -> list[Check]:
     """Return how far the vertices that Mitsuba reads in a scene's file are from the surfaces."""
     mi = current_mitsuba()
     parameters = mi.traverse(mi.load_file(str(path), optimize=False))
     checks = []
-    for mesh in body_meshes(system, lens):
+    for mesh in body_meshes(system):
         for face, surface, vertex in mesh.lens.faces:
             positions = np.array(parameters[f"{mesh.named(face)}.vertex_positions"], dtype=np.float64)
             placed = positions.reshape(-1, 3).T

@@ -25,10 +25,9 @@ from optics.exchange.packs.readme import DRAWING, Told, texts
 from optics.exchange.results import ResultFolder, read_arrays
 from optics.scene.ray_files import RaySet
 from optics.scene.receivers import FarField, Plane
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.io import read_json
-from thbcad.lens import Lens
 
 EPOCH = 1980, 1, 1, 0, 0, 0  # the date of every file in a zip
 LEVEL = 1  # of zlib: a tenth larger than by 6, in a fifth of the time
@@ -57,23 +56,23 @@ def packed(result: str, wanted: str) -> Pack:
     folder, program = ResultFolder(result), texts()["programs"][wanted]
     if not folder.path.is_dir():
         raise UserError(f"a pack needs a result folder, and {result} is none")
-    system, lens, record = folder.read()
+    system, record = folder.read()
     metrics = _verified(folder)
     _require_packable(system, folder.path, bool(program["rays"]))
     try:
-        points, point_checks, grids = dense_points(lens)
+        points, point_checks, grids = dense_points(system.designed)
     except ValueError as error:
         raise UserError(f"cannot pack {folder.path}: {error}") from None
-    exported, checks = _exported(system, lens)
+    exported, checks = _exported(system)
     files = {"lens.step": folder.step.read_bytes()} | exported | points
-    rows, rays = part_quantities(system, lens), None
+    rows, rays = part_quantities(system), None
     if program["rays"]:
-        written, rays = ray_files(system, lens, program["rays"])
-        files |= {"ray_table.csv": ray_table(system, lens)} | written
-        light, light_rows = _light(folder, system, lens, rays, metrics)
+        written, rays = ray_files(system, program["rays"])
+        files |= {"ray_table.csv": ray_table(system)} | written
+        light, light_rows = _light(folder, system, rays, metrics)
         files, rows = files | light, rows + light_rows
     files["compare.csv"] = table_text(rows)
-    told = Told(system, lens, program, record["verdict"], metrics["paths"], CHORDS[MESH], grids, rows, rays)
+    told = Told(system, program, record["verdict"], metrics["paths"], CHORDS[MESH], grids, rows, rays)
     files = {"README.txt": told.readme(files)} | files
     return Pack(_zipped(files), tuple(files), (*checks, *point_checks), tuple(rows))
 
@@ -90,7 +89,7 @@ def _verified(folder: ResultFolder) -> dict[str, Any]:
     return dict(metrics)
 
 
-def _require_packable(system: OpticalSystem, path: Path, traces: bool) -> None:
+def _require_packable(system: System, path: Path, traces: bool) -> None:
     """Raise UserError for a result that is not one lens, or whose light no pack describes.
 
     traces : whether rays and light are packed too
@@ -115,26 +114,26 @@ def _require_packable(system: OpticalSystem, path: Path, traces: bool) -> None:
             )
 
 
-def _exported(system: OpticalSystem, lens: Lens) -> tuple[dict[str, bytes], list[Check]]:
+def _exported(system: System) -> tuple[dict[str, bytes], list[Check]]:
     """Return mesh, tables and drawing, and the Checks of them read back.
 
     A body for a mould has no drawing yet: it would show the lens without it.
     """
     files, checks = dict[str, bytes](), list[Check]()
-    body = Body(moulded=system.body, clear=system.clear_aperture(lens))
+    body = Body(moulded=system.body, clear=system.clear_aperture)
     labels = Labels(system.product, system.problem.export.schema)
     with tempfile.TemporaryDirectory() as place:
         for name, chord in CHORDS.items():
             if name == DRAWING and body.is_moulded:
                 continue
-            written, found = export(lens, name[-3:], f"{place}/{name}", chord, body, labels)
+            written, found = export(system.designed, name[-3:], f"{place}/{name}", chord, body, labels)
             files |= {path.name: path.read_bytes() for path in written}
             checks += found
     return files, checks
 
 
 def _light(
-    folder: ResultFolder, system: OpticalSystem, lens: Lens, rays: RaySet, metrics: Mapping[str, Any]
+    folder: ResultFolder, system: System, rays: RaySet, metrics: Mapping[str, Any]
 ) -> tuple[dict[str, bytes], list[Quantity]]:
     """Return the files of the light to expect, and its numbers."""
     npz, png = (folder.path / name for name in CLAIMS[3:])
@@ -144,10 +143,10 @@ def _light(
         "irradiance.csv": _image_text(system, light["irradiance"]),
         "irradiance.png": png.read_bytes(),
     }
-    return files, light_quantities(system, lens, rays, light, metrics)
+    return files, light_quantities(system, rays, light, metrics)
 
 
-def _image_text(system: OpticalSystem, light: Floats) -> bytes:
+def _image_text(system: System, light: Floats) -> bytes:
     """Return the light as CSV in the unit for people, with u above the columns and v before the rows."""
     (u, v), text = system.target.screen().centres, io.BytesIO()
     text.write(("v\\u," + ",".join(f"{x:.9g}" for x in u) + "\n").encode())

@@ -15,7 +15,7 @@ from optics.light.outgoing import outgoing_rays
 from optics.scene.ray_files import RaySet, ray_bytes
 from optics.scene.receivers import Screen
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.io import points_text
 from thbcad.lens import ALLOWANCE, DenseGrid, Lens, dense_grid
@@ -54,44 +54,44 @@ def table_text(rows: Iterable[Quantity]) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def part_quantities(system: OpticalSystem, lens: Lens) -> list[Quantity]:
+def part_quantities(system: System) -> list[Quantity]:
     """Return what a program that holds the part may measure of it."""
-    volume = system.made(lens).volume()
+    volume = system.made.volume()
     rows = [Quantity("volume", "mm^3", volume, None, VOLUME_NEAR * volume)]
-    for (word, surface, vertex), *shares in product(lens.faces, PLACES, PLACES):
+    for (word, surface, vertex), *shares in product(system.designed.faces, PLACES, PLACES):
         x, y = (share * h for share, h in zip(shares, surface.half_width))
         z = vertex + float(surface(x, y))
         rows.append(Quantity(f"z of the {word} at x = {x:g}; y = {y:g}", "mm", z, None, HEIGHT_NEAR))
     return rows
 
 
-def ray_table(system: OpticalSystem, lens: Lens) -> bytes:
+def ray_table(system: System) -> bytes:
     """Return a CSV of about 1e4 rays: where they start and land, NaN where they do not."""
-    rays, unit, flux = _source_rays(system, lens, LISTED), system.target.receiver.unit, system.units.flux
-    land, text = exact_landing(system.path(lens), rays, system.backend), io.BytesIO()
+    rays, unit, flux = _source_rays(system, LISTED), system.target.receiver.unit, system.units.flux
+    land, text = exact_landing(system.path, rays, system.backend), io.BytesIO()
     head = f"x_mm,y_mm,z_mm,l,m,n,flux_{flux},landing_u_{unit},landing_v_{unit},landing_flux_{flux}"
     columns = np.column_stack([rays.origin.T, rays.direction.T, rays.flux, land.points, land.flux])
     np.savetxt(text, columns, "%.17g", ",", header=head, comments="")
     return text.getvalue()
 
 
-def ray_files(system: OpticalSystem, lens: Lens, suffix: str) -> tuple[dict[str, bytes], RaySet]:
+def ray_files(system: System, suffix: str) -> tuple[dict[str, bytes], RaySet]:
     """Return about 1e6 rays before the lens and as many behind it as files, and those before it.
 
     suffix : of a ray file.
     """
-    rays = _source_rays(system, lens, MANY)
+    rays = _source_rays(system, MANY)
     unit: Literal["W", "lm"] = "lm" if system.units.luminous else "W"
     wavelength = np.full(rays.flux.size, system.problem.source.wavelength, np.float32)
     position, direction, flux = (a.T.astype(np.float32) for a in (rays.origin, rays.direction, rays.flux))
     before = RaySet(position, direction, flux, unit, wavelength)
-    behind = outgoing_rays(system, lens, system.backend, MANY[0] * MANY[1], "rear")
+    behind = outgoing_rays(system, system.backend, MANY[0] * MANY[1], "rear")
     sets = {"source": before, "behind": behind}
     return {f"rays_{name}{suffix}": ray_bytes(held, suffix) for name, held in sets.items()}, before
 
 
 def light_quantities(
-    system: OpticalSystem, lens: Lens, rays: RaySet, light: Mapping[str, Floats], metrics: Mapping[str, Any]
+    system: System, rays: RaySet, light: Mapping[str, Floats], metrics: Mapping[str, Any]
 ) -> list[Quantity]:
     """Return the numbers of the light: of the lens, and of the rays as their file holds them.
 
@@ -101,7 +101,7 @@ def light_quantities(
     """
     position, direction, flux = (a.T.astype(np.float64) for a in (rays.position, rays.direction, rays.flux))
     direction /= np.linalg.norm(direction, axis=0)  # rounded to single precision
-    land = exact_landing(system.path(lens), Rays(position, direction, flux), system.backend)
+    land = exact_landing(system.path, Rays(position, direction, flux), system.backend)
     screen, density = system.target.screen(), system.density
     scale = np.array([1 / system.problem.flux, 1.0, density.factor])
     here, *aside = (
@@ -120,9 +120,9 @@ def light_quantities(
     return rows if even is None else [*rows, Quantity("U0", "", even, None, U0_NEAR)]
 
 
-def _source_rays(system: OpticalSystem, lens: Lens, counts: tuple[int, int]) -> Rays:
+def _source_rays(system: System, counts: tuple[int, int]) -> Rays:
     """Return rays of the source one by one."""
-    return system.source.rays(counts).rays(system.path(lens).before)
+    return system.source.rays(counts).rays(system.path.before)
 
 
 def _numbers(screen: Screen, points: Floats, flux: Floats, target: Floats) -> Floats:

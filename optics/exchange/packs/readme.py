@@ -11,9 +11,9 @@ import numpy as np
 
 from optics.exchange.packs.expected import ASIDE, Quantity
 from optics.scene.ray_files import RaySet
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad import __version__
-from thbcad.lens import DenseGrid, Lens
+from thbcad.lens import DenseGrid
 from thbcad.toml import toml_tables
 
 WIDTH = 100
@@ -35,8 +35,7 @@ class Told:
     rays : before the lens, as their file holds them; None in a pack without light.
     """
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     program: Mapping[str, Any]
     verdict: str
     paths: str
@@ -70,7 +69,7 @@ class Told:
         return ("\n\n".join(filled) + "\n").encode()
 
     def _facts(self) -> dict[str, Any]:
-        lens, problem, verdict = self.lens, self.system.problem, self.verdict
+        lens, problem, verdict = self.system.designed, self.system.problem, self.verdict
         outlined = not lens.rear.outline.is_rectangle
         return {
             "title": problem.title or "Lens",
@@ -90,7 +89,7 @@ class Told:
         }
 
     def _light(self, rays: RaySet) -> dict[str, Any]:
-        system, source, path = self.system, self.system.problem.source, self.system.path(self.lens)
+        system, source, path = self.system, self.system.problem.source, self.system.path
         screen, receiver = system.target.screen(), system.target.receiver
         losses = [
             "Fresnel's with polarisation" if s.share is None else f"a coating that lets {s.share:.6g} through"

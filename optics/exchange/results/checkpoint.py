@@ -13,7 +13,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State, stages
 from optics.exchange.results.identity import fingerprint
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.io import read_json, sag_from_dict, sag_to_dict, write_text
 from thbcad.surfaces import THBSurface
 
@@ -63,7 +63,7 @@ def checkpoint_owner(path: Path) -> Owner | None:
         return None
 
 
-def read_checkpoint(path: Path, system: OpticalSystem) -> tuple[State, list[str]]:
+def read_checkpoint(path: Path, system: System) -> tuple[State, list[str]]:
     """Return the State to go on from, and the notes so far.
 
     Raises UserError : there is none, it is damaged, or it belongs to another problem.

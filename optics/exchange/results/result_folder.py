@@ -41,7 +41,7 @@ from optics.exchange.results.result_files import (
 )
 from optics.scene.keys import AUTO
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.files import regular_bytes
 from thbcad.io import read_json, read_lens
 from thbcad.lens import Lens
@@ -51,11 +51,14 @@ KEYS_SHOWN = 4  # in which two problems differ; files that are named
 
 
 class Result(NamedTuple):
-    """A whole result, read back.  system : of its problem, with the shapes of other free elements."""
+    """A whole result, read back."""
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     record: dict[str, Any]
+
+    @property
+    def lens(self) -> Lens:
+        return self.system.designed
 
     @property
     def problem(self) -> Problem:
@@ -148,7 +151,7 @@ class ResultFolder:
                 f"{self.path} holds no single result: {', '.join(wrong)} belongs to another run than "
                 f"{RECORD}; run the design again"
             )
-        return Result(OpticalSystem(problem, shapes=shapes), lens, record)
+        return Result(System(problem, shapes=shapes).with_lens(lens), record)
 
     def read_lens(self) -> Lens:
         return lens_of(self.lens, "was the design interrupted? its --resume ends it")

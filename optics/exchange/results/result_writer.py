@@ -17,9 +17,8 @@ from optics.exchange.results.owned_files import HASHES, hashes, recorded, sha256
 from optics.exchange.results.result_files import CLAIMS, RECORD, is_level_file, is_result_file, shape_file
 from optics.exchange.results.result_folder import ResultFolder
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.io import json_text, lens_to_dict, write_bytes, write_lens, write_text
-from thbcad.lens import Lens
 
 SCHEMA, VERSION = "thbcad-result", 1
 
@@ -30,16 +29,16 @@ class ResultWriter:
     folder : taken by this run.  system : of the problem with every "auto" resolved.
     """
 
-    def __init__(self, folder: ResultFolder, system: OpticalSystem) -> None:
+    def __init__(self, folder: ResultFolder, system: System) -> None:
         self._folder, self._lens, self._system = folder.path, folder.lens, system
         self._written = set[str]()
         self._earlier = recorded(self._folder / RECORD)
         for name in (*CLAIMS, *filter(is_level_file, self._earlier)):
             (self._folder / name).unlink(missing_ok=True)
 
-    def write_design(self, lens: Lens, history: Sequence[Row]) -> None:
+    def write_design(self, history: Sequence[Row]) -> None:
         """Write what was asked and what was found: from here on the claims speak of this run."""
-        problem = self._system.problem
+        problem, lens = self._system.problem, self._system.designed
         # the resolved problem with its files, so that it can be run again
         for table, _, path in data_of(problem):
             self.write(stored_name(table, path), Path(path).read_bytes())

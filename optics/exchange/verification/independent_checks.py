@@ -25,7 +25,7 @@ from optics.exchange.verification.step_file import (
 )
 from optics.exchange.verification.trace_comparison import compared
 from optics.scene.problem import Problem
-from optics.scene.system import MadePart, OpticalSystem
+from optics.scene.system import MadePart, System
 from thbcad.checks import Floats
 from thbcad.io import Brep, BrepEdge, BrepFace, edge_span
 from thbcad.lens import CORNERS, SIDES, Lens, OpticalForm, edge_names, optical_forms, rim, ruled_edges
@@ -43,7 +43,7 @@ FITTED = 1e-8  # mm; rims are fitted within 1e-9 mm at eight points of every spa
 ALONG = 33  # points of an edge that are compared
 
 
-def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def text_and_occt_checks(system: System, file: StepFile, backend: Backend) -> list[Check]:
     """Return the Checks of a STEP file by its text and by OCCT's intersections of rays and faces.
 
     The text is read first, so that a file that is cut off or damaged never reaches OCCT.
@@ -51,11 +51,11 @@ def text_and_occt_checks(system: OpticalSystem, lens: Lens, file: StepFile, back
 
     Raises OSError : the file cannot be read.  ValueError : it is not whole, or not one solid.
     """
-    path = system.path(lens).without_coats()  # as OCCT is to meet the faces: those that reflect do so ideally
+    path = system.path.without_coats()  # as OCCT is to meet the faces: those that reflect do so ideally
     crossed = [(int(f.face == "rear"), fixed_face(path, k).eta) for k, f in system.own_faces.items()]
-    difference = compared(system, lens, backend, RAYS, tracer_by_occt(file, crossed))
+    difference = compared(system, backend, RAYS, tracer_by_occt(file, crossed))
     fates, landing, _ = difference.checks(system.traced_within, "OCCT's intersections with the file")
-    return [*_own_checks(file, system.made(lens)), fates, landing]
+    return [*_own_checks(file, system.made), fates, landing]
 
 
 def other_part_checks(part: MadePart, file: StepFile, problem: Problem) -> list[Check]:

@@ -28,9 +28,9 @@ from optics.exchange.verification.rays_behind import RaysBehind, across_to
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import compared
 from optics.exchange.verification.traced_faces import FaceRim
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Bools, Floats, Integers
-from thbcad.lens import Lens, OpticalForm
+from thbcad.lens import OpticalForm
 from thbcad.sags import PlacedConic
 from thbcad.splines import BSplineSurface
 
@@ -52,15 +52,15 @@ def optiland_available() -> bool:
     return find_spec("optiland") is not None
 
 
-def optiland_checks(system: OpticalSystem, lens: Lens, file: StepFile) -> list[Check]:
+def optiland_checks(system: System, file: StepFile) -> list[Check]:
     """Return the Checks of a STEP file by optiland's trace of about 500 rays of the problem's source.
 
     The faces are traced with the poles and knots that OCCT reads in the file.
 
     Raises ImportError : optiland is not installed.  OSError, ValueError : as `StepFile.solid`.
     """
-    tracer = tracer_by_optiland(file, None if system.reflects else lens.index)
-    difference = compared(system, lens, system.backend, RAYS, tracer)
+    tracer = tracer_by_optiland(file, None if system.reflects else system.designed.index)
+    difference = compared(system, system.backend, RAYS, tracer)
     return difference.checks(system.traced_within, "optiland's trace of the file")
 
 

@@ -13,7 +13,7 @@ from optics.exchange.verification.step_file import ExportedStep, StepFile, faces
 from optics.exchange.verification.trace_comparison import file_landing, light_checks
 from optics.light.tracing import LandingPoints
 from optics.scene.problem import Verify
-from optics.scene.system import MadePart, OpticalSystem, designed_part
+from optics.scene.system import MadePart, System, designed_part
 from thbcad.cad.exchange import SolidFile, solid_volume, step_bytes
 from thbcad.checks import Floats
 from thbcad.io import write_bytes
@@ -52,20 +52,20 @@ def read_back_step(made: Made, path: Path, limits: Verify) -> ExportedStep:
     return ExportedStep(checks, file.solid.front, file.solid.rear)
 
 
-def trace_back_step(system: OpticalSystem, lens: Lens, path: Path) -> tuple[list[Check], LandingPoints]:
+def trace_back_step(system: System, path: Path) -> tuple[list[Check], LandingPoints]:
     """Return the checks of the designed lens's STEP file as OCCT reads it, and its `file_landing`."""
-    step = read_back_step(designed_part(system, lens).made, path, system.problem.verify)
-    return step.checks, file_landing(system, lens, step, StepFile(path))
+    step = read_back_step(designed_part(system).made, path, system.problem.verify)
+    return step.checks, file_landing(system, step, StepFile(path))
 
 
-def verify(system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> list[Check]:
+def verify(system: System, file: StepFile, backend: Backend) -> list[Check]:
     """Return the list of Checks of a STEP file as OCCT reads it against the lens in memory.
 
     backend : of double precision.
     """
     return [
-        *occt_checks(system.made(lens), file, system.problem.verify),
-        *light_checks(system, lens, file_landing(system, lens, file.solid, file), backend),
+        *occt_checks(system.made, file, system.problem.verify),
+        *light_checks(system, file_landing(system, file.solid, file), backend),
     ]
 
 

@@ -18,7 +18,7 @@ from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
@@ -51,8 +51,7 @@ class Comparison:
 
 
 def compared(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     backend: Backend,
     counts: Sequence[int],
     other: Callable[[RaysBehind], RaysBehind],
@@ -67,36 +66,36 @@ def compared(
     other : takes rays through the lens, in its frame.
     blocked : whether it knows of stops, clear aperture and coatings; else both traces leave them out.
     """
-    rays, path = system.source.rays(counts), _clear(system, lens)
+    rays, path = system.source.rays(counts), _clear(system)
     path = path if blocked else path.without_stops().without_coats()
-    return _difference(system, lens, backend, rays, path, _by_others(system, path, rays, other))
+    return _difference(system, backend, rays, path, _by_others(system, path, rays, other))
 
 
-def file_landing(system: OpticalSystem, lens: Lens, step: OpticalFaces, file: StepFile) -> LandingPoints:
+def file_landing(system: System, step: OpticalFaces, file: StepFile) -> LandingPoints:
     """Return where rays land that scipy traces through the front and the rear of a STEP file.
 
     Their number is that of `verify.rays`.  Stops, clear aperture and coatings take what they do.
 
     step : the faces as read back.  file : whose text bounds those of a lens with an outline.
     """
-    path, made = system.own_path(lens), system.solid(lens)
+    path, made = system.own_path, system.solid
     rims: Sequence[FaceRim] = ()
     if not isinstance(made, Lens):
         path = system.held(path, made.free)
-    elif not lens.rear.outline.is_rectangle:
+    elif not system.designed.rear.outline.is_rectangle:
         rims = file.rims
     faces = lens_faces(step, path, system.own_faces, rims)
     by_scipy = partial(through_faces, faces, stops=path.stops)
-    return _by_others(system, _clear(system, lens), _checked_rays(system), by_scipy)
+    return _by_others(system, _clear(system), _checked_rays(system), by_scipy)
 
 
-def light_checks(system: OpticalSystem, lens: Lens, landing: LandingPoints, backend: Backend) -> list[Check]:
+def light_checks(system: System, landing: LandingPoints, backend: Backend) -> list[Check]:
     """Return the Checks of the light through the front and the rear of a STEP file, as read back from it.
 
     landing : see `file_landing`.  backend : of double precision.
     """
     limits = system.traced_within
-    seen = _difference(system, lens, backend, _checked_rays(system), _clear(system, lens), landing)
+    seen = _difference(system, backend, _checked_rays(system), _clear(system), landing)
     return [
         Check.none_of("rays with another fate in the independent trace", seen.mismatched),
         Check("landing points, independent trace of the file", seen.landing, limits.landing, seen.unit),
@@ -104,13 +103,13 @@ def light_checks(system: OpticalSystem, lens: Lens, landing: LandingPoints, back
     ]
 
 
-def _checked_rays(system: OpticalSystem) -> Rays | RayGrid:
+def _checked_rays(system: System) -> Rays | RayGrid:
     return system.source.rays([system.traced_within.rays] * 2)
 
 
-def _clear(system: OpticalSystem, lens: Lens) -> LightPath:
+def _clear(system: System) -> LightPath:
     """Return the path without absorption, which the independent tracers leave out."""
-    return system.path(lens).without_absorption()
+    return system.path.without_absorption()
 
 
 def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> LandingPoints:
@@ -123,17 +122,12 @@ def exact_landing(path: LightPath, rays: RayGrid | Rays, backend: Backend) -> La
 
 
 def _difference(
-    system: OpticalSystem,
-    lens: Lens,
-    backend: Backend,
-    rays: Rays | RayGrid,
-    path: LightPath,
-    others: LandingPoints,
+    system: System, backend: Backend, rays: Rays | RayGrid, path: LightPath, others: LandingPoints
 ) -> Comparison:
     """Return the Comparison of rays along a path with where others say that they land."""
     ours = exact_landing(path, rays, backend)
     points, flux = ours.points, ours.flux
-    screen, made = system.target.screen(), system.solid(lens)
+    screen, made = system.target.screen(), system.solid
     if not isinstance(made, Lens):
         within = exact_landing(system.held(path, made.free), rays, backend)
         kept = (flux == 0) | (within.flux > 0)
@@ -154,7 +148,7 @@ def _difference(
 
 
 def _by_others(
-    system: OpticalSystem, path: LightPath, rays: Rays | RayGrid, other: Callable[[RaysBehind], RaysBehind]
+    system: System, path: LightPath, rays: Rays | RayGrid, other: Callable[[RaysBehind], RaysBehind]
 ) -> LandingPoints:
     """Return where rays land that others trace."""
     single, own = rays.rays(path.before), [*system.own_faces]

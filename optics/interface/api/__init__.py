@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from .irradiance_model import Model
     from .minimisation import Minimum, minimise
     from .prepared_problem import engine_of, prepared, require_engine
-    from .scenes import mitsuba_scene
+    from .rendered_design import mitsuba_scene
     from .scripting_system import System
 
 __getattr__, __dir__, __all__ = lazy_door(__name__, __file__)

@@ -53,9 +53,7 @@ def tolerances(
     with device():
         target = design.measurement.target
         backend = design.system.backend
-        return tolerance_budget(
-            design.system, design.lens, target, backend, amounts, limit, progress, float_shift
-        )
+        return tolerance_budget(design.system, target, backend, amounts, limit, progress, float_shift)
 
 
 def form_tolerances(
@@ -71,7 +69,7 @@ def form_tolerances(
     if isinstance(limit, bool) or not isinstance(limit, Real):
         raise UserError(f"limit must be a rise of rel_l2 such as {RISE:g}, got {limit!r}")
     with device():
-        return form_errors_of(design.system, design.lens, design.system.backend, limit, progress)
+        return form_errors_of(design.system, design.system.backend, limit, progress)
 
 
 def monte_carlo(
@@ -102,7 +100,6 @@ def monte_carlo(
     each_set(samples)  # refuses it before any worker starts
     model = ErrorModel(
         design.system,
-        design.lens,
         design.measurement.target,
         tuple(effect.tolerance for effect in budget.effects),
         _forms(design, forms, periods),
@@ -129,7 +126,7 @@ def require_monte_carlo(
         with worker_pool(scheduler=scheduler):
             pass  # it answers
     for form in _forms(design, forms, periods):
-        form.drawn(design.system, design.lens, seed=0)
+        form.drawn(design.system, seed=0)
 
 
 def _forms(

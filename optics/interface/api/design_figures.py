@@ -12,9 +12,8 @@ from optics.designing.optimisation import Row, Stage
 from optics.interface.api.level_records import LevelRecord
 from optics.light.analysis import Measurement, fans as ray_fans
 from optics.reporting.view import MIRRORED, elements_sight, photo_caption, photograph, scene_paths
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 
 class DesignFigures:
@@ -23,7 +22,7 @@ class DesignFigures:
     process : in which they are drawn.
     """
 
-    def __init__(self, process: HelperProcess, system: OpticalSystem) -> None:
+    def __init__(self, process: HelperProcess, system: System) -> None:
         self.process, optic = process, system.problem.optic
         rows = [element.name for element in system.problem.element]
         self._noun = ", ".join(rows) if rows[1:] else optic.noun
@@ -31,8 +30,7 @@ class DesignFigures:
 
     def draw_lens(
         self,
-        system: OpticalSystem,
-        lens: Lens,
+        system: System,
         history: Sequence[Row],
         plan: Sequence[Stage],
         levels: Sequence[LevelRecord],
@@ -42,33 +40,31 @@ class DesignFigures:
             (optic.called, shape, (optic.face_name("front"), optic.face_name("rear")))
             for optic, shape in system.free_others
         ]
-        self._lens = self._figures("lens_figures", lens, history, plan, self._sides, others)
-        self._solid = self._figures("solid_views", system.made(lens), self._sides)
+        self._lens = self._figures("lens_figures", system.designed, history, plan, self._sides, others)
+        self._solid = self._figures("solid_views", system.made, self._sides)
         self._levels = [
-            self._figures("level_figure", system.plain, k.name, k.lens, k.measurement, k.gradients)
+            self._figures("level_figure", system.with_lens(k.lens), k.name, k.measurement, k.gradients)
             for k in levels
         ]
 
-    def draw_light(
-        self, system: OpticalSystem, lens: Lens, measurement: Measurement, backend: Backend
-    ) -> None:
+    def draw_light(self, system: System, measurement: Measurement, backend: Backend) -> None:
         """Draw what the element delivers; `backend` traces the rays of the scene, and fans past the edges."""
         alone = system.problem.source.lone and not (system.source.from_afar or system.source.by_rays)
         placed = system.lens_on_axis and alone
-        fans = ray_fans(system, lens, backend) if placed and system.by_edges else {}
-        plain, paths = system.plain, scene_paths(system, lens, backend)
+        fans = ray_fans(system, backend) if placed and system.by_edges else {}
+        paths = scene_paths(system, backend)
         irradiance = measurement.irradiance
-        self._light = self._figures("light_figures", plain, lens, measurement, fans)
-        self._scene = self._figures("scene_view", plain, lens, irradiance, paths)
-        self._view = self.process.ask("optics.reporting.view", "scene_page", plain, lens, irradiance, paths)
+        self._light = self._figures("light_figures", system, measurement, fans)
+        self._scene = self._figures("scene_view", system, irradiance, paths)
+        self._view = self.process.ask("optics.reporting.view", "scene_page", system, irradiance, paths)
         self._seen_from = "behind" if system.axial else "beside"
         if system.axial and system.target.mirrored:
             self._seen_from += f", where {MIRRORED}"
 
-    def photograph(self, system: OpticalSystem, lens: Lens, irradiance: Floats, backend: Backend) -> None:
+    def photograph(self, system: System, irradiance: Floats, backend: Backend) -> None:
         """Make the photograph, here, while another process draws."""
-        sight = elements_sight(system, lens, backend)
-        self._photo = photo_caption(system, lens), photograph(system, lens, irradiance, sight)
+        sight = elements_sight(system, backend)
+        self._photo = photo_caption(system), photograph(system, irradiance, sight)
 
     def _figures(self, function: str, *arguments: object) -> Future[Any]:
         """Ask the process for what a function of the figures returns."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Protocol
 
 from optics.base.runtime import (
     Check,
@@ -25,8 +25,8 @@ from optics.base.runtime import (
     verification,
 )
 from optics.designing.etendue import reached_sentences
-from optics.designing.optimisation import stages
-from optics.designing.progress import DesignProgress, RunClock
+from optics.designing.optimisation import Row, stages
+from optics.designing.progress import DesignProgress, Notes, RunClock
 from optics.exchange.results import SCENE, ResultFolder, ResultWriter, level_files, shape_file
 from optics.exchange.verification import (
     StepFile,
@@ -34,9 +34,8 @@ from optics.exchange.verification import (
     text_solid_checks,
 )
 from optics.interface.api.design_figures import DesignFigures
-from optics.interface.api.design_record import DesignRecord
-from optics.interface.api.level_records import level_contents
-from optics.light.analysis import delivery_checks, judged
+from optics.interface.api.level_records import LevelRecord, level_contents
+from optics.light.analysis import Measurement, delivery_checks, judged
 from optics.light.outgoing import lit_parts
 from optics.light.tracing import LandingPoints
 from optics.reporting.report import Report, light_files, report_html
@@ -44,14 +43,14 @@ from optics.scene.limits import as_data, limit_checks, manufacture_rows
 from optics.scene.problem import Problem
 from optics.scene.system import (
     MadePart,
-    OpticalSystem,
+    System,
     body_checks,
     designed_part,
     manufactured,
     other_limit_checks,
     other_parts,
 )
-from thbcad.lens import Lens, Manufacturability
+from thbcad.lens import Manufacturability
 
 SOLIDS, FIGURES = "solids", "figures"  # the work of the helper processes
 HELPERS = 2
@@ -59,6 +58,29 @@ PEAK = "optics.base.runtime", "peak_mb"  # asked of a process
 SHADE = "bodies that shade each other: the independent trace of the file lets its light pass them"
 LEFT_OUT = "the volume by OCCT's integral, which `thbcad verify` of this folder computes"
 Claims = dict[str, Any]
+
+
+class FiledDesign(Protocol):
+    """What files tell of a design, see `Design`."""
+
+    @property
+    def asked(self) -> Problem: ...
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def system(self) -> System: ...
+    @property
+    def history(self) -> tuple[Row, ...]: ...
+    @property
+    def notes(self) -> Notes: ...
+    @property
+    def levels(self) -> tuple[LevelRecord, ...]: ...
+    @property
+    def started_from_transport(self) -> bool: ...
+    @property
+    def measurement(self) -> Measurement: ...
+    @property
+    def metrics(self) -> dict[str, Any]: ...
 
 
 @dataclass(frozen=True)
@@ -83,25 +105,23 @@ def helpers(forked: bool = False) -> Iterator[tuple[HelperProcess, HelperProcess
 class _Exports:
     """The STEP files of the elements by name, that of the designed one first."""
 
-    def __init__(
-        self, solids: HelperProcess, system: OpticalSystem, lens: Lens, place: Callable[[str], Path]
-    ) -> None:
-        parts = {"lens.step": designed_part(system, lens)} | {p.file: p for p in other_parts(system)}
+    def __init__(self, solids: HelperProcess, system: System, place: Callable[[str], Path]) -> None:
+        parts = {"lens.step": designed_part(system)} | {p.file: p for p in other_parts(system)}
         self.files = [*parts]
-        traced = {"lens.step": (system.plain, lens)}
 
         def at(file: str) -> Path:
             return place(file).absolute()  # a helper that is used again may have begun in another folder
 
         self.own, *self._fixed = (
-            _Export(solids, part, system.problem, at(file), traced.get(file)) for file, part in parts.items()
+            _Export(solids, part, system.problem, at(file), system if file == "lens.step" else None)
+            for file, part in parts.items()
         )
         self._scene = None
         if self._fixed:
             self.files.append(SCENE)
             room = "optics.exchange.assemblies"
             written = {part.name: at(file) for file, part in parts.items()}
-            self._scene = solids.ask(room, "export_scene", system.plain, lens, at(SCENE), False, written)
+            self._scene = solids.ask(room, "export_scene", system, at(SCENE), False, written)
 
     def designed(self) -> tuple[list[Check], LandingPoints]:
         """Return the checks of the designed element's file, and where that sends light."""
@@ -121,8 +141,8 @@ class _Exports:
 class _Export:
     """A STEP file that another process writes and reads back.
 
-    traced : the system and its lens, whose light goes through the file: through two free faces this takes as
-        long as the measurement, which is made meanwhile.
+    traced : the system whose light goes through the file: through two free faces this takes as long as the
+        measurement, which is made meanwhile.
     read : the answer of `trace_back_step`, or of `read_back_step`.
     """
 
@@ -132,13 +152,13 @@ class _Export:
         part: MadePart,
         problem: Problem,
         path: Path,
-        traced: tuple[OpticalSystem, Lens] | None,
+        traced: System | None,
     ) -> None:
         self.part, self._file = part, StepFile(path)
         ask = partial(solids.ask, "optics.exchange.verification")
         self._written: Future[list[Check]] = ask("export_step", part, problem.export.schema, path)
         self.read: Future[Any] = (
-            ask("trace_back_step", *traced, path)
+            ask("trace_back_step", traced, path)
             if traced
             else ask("read_back_step", part.made, path, problem.verify)
         )
@@ -149,7 +169,7 @@ class _Export:
         return [*written, *text_solid_checks(self._file.text, self.part.made)]
 
 
-def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
+def save(design: FiledDesign, folder: ResultFolder, force: bool) -> Path:
     """Write the result folder of a design and return its path."""
     clock = RunClock(DesignProgress(lambda event: None))
     with folder.taken(design.asked, force), helpers() as (solids, drawing), device():
@@ -157,37 +177,37 @@ def save(design: DesignRecord, folder: ResultFolder, force: bool) -> Path:
     return folder.path
 
 
-def verified(design: DesignRecord) -> Claims:
+def verified(design: FiledDesign) -> Claims:
     """Return the checks of a design's solid and light, as in verify.json."""
-    system, lens = design.system, design.lens
+    system = design.system
     with process_for(SOLIDS) as solids, TemporaryDirectory() as folder, device():
-        export = _Exports(solids, system, lens, Path(folder).joinpath)
-        return _verification(design, _checks(design, manufactured(system, lens), export), export)
+        export = _Exports(solids, system, Path(folder).joinpath)
+        return _verification(design, _checks(design, manufactured(system), export), export)
 
 
-def _verification(design: DesignRecord, checks: Sequence[Check], export: _Exports) -> Claims:
+def _verification(design: FiledDesign, checks: Sequence[Check], export: _Exports) -> Claims:
     """Return checks as in verify.json, and what they leave out: bodies of a scene that shade light, too."""
     left_out, fates = [LEFT_OUT], design.measurement.metrics[design.system.units.key("fates")]
     shaded = sum(flux for name, flux in fates.items() if name.endswith(("blocked", "hit twice")))
-    if shaded and design.system.shaded_path(design.lens).bodies:
+    if shaded and design.system.shaded_path.bodies:
         share = shaded / sum(fates.values())
         left_out = [*left_out, f"{SHADE}; with stops and holders they take {share:.2%} of the light"]
     return verification(checks) | {"left_out": left_out}
 
 
 def write_result(
-    design: DesignRecord, folder: ResultFolder, clock: RunClock, solids: HelperProcess, figures: DesignFigures
+    design: FiledDesign, folder: ResultFolder, clock: RunClock, solids: HelperProcess, figures: DesignFigures
 ) -> Written:
     """Export, measure and verify a design; then write what can be claimed of it.
 
     folder : taken by this run.  solids : which exports.
     """
-    system, lens = design.system, design.lens
+    system = design.system
     writer = ResultWriter(folder, system)
-    export = _Exports(solids, system, lens, writer.staged)
-    writer.write_design(lens, design.history)
+    export = _Exports(solids, system, writer.staged)
+    writer.write_design(design.history)
     plan = stages(system.shaping, design.started_from_transport)
-    draw_lens = partial(figures.draw_lens, system, lens, design.history, plan, design.levels)
+    draw_lens = partial(figures.draw_lens, system, design.history, plan, design.levels)
     cores_to_spare = usable_cores() > HELPERS  # else drawing would keep the solid waiting
     if cores_to_spare:
         draw_lens()
@@ -195,17 +215,17 @@ def write_result(
     measurement, metrics = design.measurement, design.metrics
     system.backend.release()
     # of an extended source it takes two seconds, and that process has nothing left to do
-    reached = lens, measurement.metrics
-    bound = solids.ask("optics.designing.etendue", "reached_sentences", system.plain, *reached)
+    reached = system, measurement.metrics
+    bound = solids.ask("optics.designing.etendue", "reached_sentences", *reached)
     clock.lap("measure")
     with system.backend.on_threads(usable_cores() - HELPERS):  # which are at work
-        product = manufactured(system, lens)  # while the solids are written
+        product = manufactured(system)  # while the solids are written
         checks = _checks(design, product, export)
-        etendue = answered(bound, reached_sentences, system, *reached)
+        etendue = answered(bound, reached_sentences, *reached)
         for sentence in etendue.limits:
             design.notes(sentence)
         writer.place_steps(export.files)
-        lit = lit_parts(system, lens, system.backend)
+        lit = lit_parts(system, system.backend)
         writer.write_claims("manufacture.json", as_data(product, lit))
         checked = writer.write_claims("verify.json", _verification(design, checks, export))
         clock.lap("verify")
@@ -213,8 +233,8 @@ def write_result(
         solids.done()
         if not cores_to_spare:
             draw_lens()
-        figures.draw_light(system, lens, measurement, system.backend)
-        figures.photograph(system, lens, measurement.irradiance, system.backend)
+        figures.draw_light(system, measurement, system.backend)
+        figures.photograph(system, measurement.irradiance, system.backend)
     light = light_files(
         measurement.irradiance,
         measurement.target,
@@ -260,11 +280,11 @@ def write_result(
     return Written(folder, metrics, checked)
 
 
-def _checks(design: DesignRecord, product: Manufacturability, export: _Exports) -> list[Check]:
+def _checks(design: FiledDesign, product: Manufacturability, export: _Exports) -> list[Check]:
     """Return the checks of the STEP files, of what the lens delivers, and of the limits of manufacturing."""
-    system, lens, problem = design.system, design.lens, design.problem
+    system, problem = design.system, design.problem
     solid, landing = export.designed()
-    light = light_checks(system, lens, landing, system.backend)  # while the others are written
+    light = light_checks(system, landing, system.backend)  # while the others are written
     return [
         *solid,
         *export.others(),

@@ -4,33 +4,37 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optics.base.runtime import UserError, device
-from optics.designing.optimisation import Row, State, stages
+from optics.designing.optimisation import Row, stages
 from optics.designing.progress import Notes
 from optics.exchange.results import ResultFolder, read_arrays
 from optics.interface.api.design_files import save, verified
-from optics.interface.api.design_record import DesignRecord
 from optics.interface.api.irradiance_model import unit_of
 from optics.interface.api.level_records import LevelRecord, read_levels
-from optics.interface.api.scenes import SceneView
+from optics.interface.api.measured_design import measured
 from optics.interface.relighting import given_lens, other_source, relit
 from optics.light.analysis import (
     Light,
     LightEstimate,
     Measurement,
+    Verdict,
     box_screen,
     contrast_error,
+    delivery_checks,
+    judged,
     uniformity_metrics,
 )
 from optics.light.blur import spot_rms
-from optics.reporting.view import scene_page, scene_paths
+from optics.reporting.view import SceneView, scene_page, scene_paths
+from optics.scene.limits import limit_checks
 from optics.scene.problem import Problem, Source
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, manufactured, other_limit_checks, solvable_system
 from thbcad.checks import Floats
 from thbcad.io import read_json
 from thbcad.lens import Lens
@@ -54,43 +58,37 @@ OF_THE_RUN = (
 
 
 @dataclass(frozen=True, eq=False)
-class Design(DesignRecord):
+class Design:
     """A lens for a problem.  What it delivers is measured when it is first asked for, and once.
 
-    Its fields are those of `DesignRecord`, such as lens, history, notes and metrics.
+    system : the problem with a number for every "auto", and the shape of every element.
+    history : a row for every evaluation.  notes : sentences on what limits the result.
+    requested : the problem as it was given, with its "auto".
+    wall_s : seconds by phase.  started_from_transport : it began at an optimal-transport map.
+    interrupted : Ctrl-C ended the work, and this is the best lens so far.
+    levels : of this run, where `run.keep` asks for them.
+    read : what a result folder says of the light, in place of a measurement.
 
-    >>> optical = System(problem).optical  # of the problem in the example of Problem
-    >>> Design(asked=problem, system=optical, lens=optical.lens)  # not optimised yet
+    >>> Design(System(problem))  # of the problem in the example of Problem, not optimised yet
     Design('lens', 100 degrees of freedom)
     """
 
-    @classmethod
-    def of_state(
-        cls,
-        asked: Problem,
-        system: OpticalSystem,
-        state: State,
-        notes: Notes,
-        wall_s: Mapping[str, float],
-        interrupted: bool = False,
-        levels: Sequence[LevelRecord] = (),
-    ) -> Design:
-        """Return the design that a run has come to."""
-        system, lens = system.with_sags(system.base, state.sags)
-        system, unfit = system.as_possible(lens)
-        if unfit:
-            notes(unfit)
-        return cls(
-            asked=asked,
-            system=system,
-            lens=lens,
-            history=state.history,
-            notes=notes,
-            wall_s=wall_s,
-            started_from_transport=state.started_from_transport,
-            interrupted=interrupted,
-            levels=tuple(levels),
-        )
+    system: System
+    history: tuple[Row, ...] = ()
+    notes: Notes = field(default_factory=Notes)
+    requested: Problem | None = field(default=None, kw_only=True)
+    wall_s: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    started_from_transport: bool = field(default=False, kw_only=True)
+    interrupted: bool = field(default=False, kw_only=True)
+    levels: tuple[LevelRecord, ...] = field(default=(), kw_only=True)
+    read: Measurement | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, System):
+            raise UserError(
+                f"a design needs the system of its problem, got {type(self.system).__name__}; "
+                "optics.Design.of_lens(problem, lens) makes one of a lens"
+            )
 
     @classmethod
     def of_lens(cls, problem: Problem, lens: Lens) -> Design:
@@ -102,7 +100,7 @@ class Design(DesignRecord):
         Raises UserError : a problem with [[element]]; a lens that does not go with the light.
         """
         asked, lens = given_lens(problem, lens)
-        return cls(asked=asked, system=solvable_system(asked), lens=lens)
+        return cls(solvable_system(asked).with_lens(lens), requested=asked)
 
     @classmethod
     def load(cls, folder: str | Path) -> Design:
@@ -111,21 +109,70 @@ class Design(DesignRecord):
         Raises UserError : the folder holds no whole result.
         """
         results = ResultFolder(folder)
-        system, lens, record = results.read()
+        system, record = results.read()
         levels = results.kept_levels()
         results.require_recorded([HISTORY, METRICS, IRRADIANCE, *chain.from_iterable(levels)])
         history = results.read_history()
-        loaded = cls(
-            asked=system.problem,
-            system=system,
-            lens=lens,
-            history=history,
-            notes=Notes(map(str, record.get("notes", ()))),
+        return cls(
+            system,
+            history,
+            Notes(map(str, record.get("notes", ()))),
             started_from_transport=_started_from_transport(system, history),
             levels=read_levels(results.path, levels, system),
+            read=_read_measurement(results.path, system),
         )
-        loaded.__dict__["measurement"] = _read_measurement(results.path, system, loaded.lens)
-        return loaded
+
+    @property
+    def lens(self) -> Lens:
+        """The designed lens."""
+        return self.system.designed
+
+    @property
+    def asked(self) -> Problem:
+        """The problem as it was given."""
+        return self.requested or self.problem
+
+    @property
+    def problem(self) -> Problem:
+        return self.system.problem
+
+    @cached_property
+    def measurement(self) -> Measurement:
+        """Irradiance, target and metrics, by light that the optimiser has not seen."""
+        if self.read is not None:
+            return self.read
+        with device():
+            return measured(self.system, self.notes)
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """Numbers by name, see `optics.light.analysis.measure`, and those of the run."""
+        return self.measurement.metrics | self.run_metrics
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What is to be thought of light and lens, by the limits of the problem; the STEP file is not judged.
+
+        `verify` checks that file.
+        """
+        problem, metrics = self.problem, self.measurement.metrics
+        checks = delivery_checks(metrics, problem.verify)
+        if problem.limits != type(problem.limits)():
+            checks += limit_checks(problem, manufactured(self.system))
+            checks += other_limit_checks(self.system)
+        return judged(metrics, checks, tuple(self.notes), of_file=False)
+
+    @property
+    def run_metrics(self) -> dict[str, Any]:
+        """Degrees of freedom, levels, evaluations, and the misfit of extended sources on fresh rays."""
+        last = self.history[-1].stage if self.history else 0  # its search may not have made the result
+        measured = [row for row in self.history if row.fresh_fit is not None and row.stage == last][-1:]
+        return {
+            "dof": sum(sag.space.dim for sag in self.system.sags),
+            "levels": max(sag.space.levels for sag in self.system.sags),
+            "evaluations": self.history[-1].evaluation if self.history else 0,
+            **({"fit": measured[0].fit, "fresh_fit": measured[0].fresh_fit} if measured else {}),
+        }
 
     @property
     def irradiance(self) -> Floats:
@@ -166,7 +213,7 @@ class Design(DesignRecord):
         if isinstance(source, str | os.PathLike):
             source = other_source(os.fspath(source), self.problem)
         with device():
-            measurement = relit(self.system, self.lens, source, self.system.backend)
+            measurement = relit(self.system, source, self.system.backend)
         return measurement.in_unit(unit_of(self.system))
 
     def tool(self, order: ToolOrder) -> ToolFindings:
@@ -174,7 +221,7 @@ class Design(DesignRecord):
         from optics.tolerancing.machining import tool_findings  # few designs ask
 
         with device():
-            return tool_findings(self.system, self.lens, order, self.system.backend)
+            return tool_findings(self.system, order, self.system.backend)
 
     def as_built(
         self,
@@ -198,7 +245,12 @@ class Design(DesignRecord):
         measured = read_measured(file, surface_of(self.lens, side), frame)
         with device():
             return light_as_built(
-                self.system, self.lens, measured, self.system.backend, side, align, nominal=self.measurement
+                self.system,
+                measured,
+                self.system.backend,
+                side,
+                align,
+                nominal=self.measurement,
             )
 
     def plot(self) -> OverviewFigure:
@@ -211,8 +263,8 @@ class Design(DesignRecord):
         """Return lens, rays and lit target to be turned, in a notebook or, saved, in any browser."""
         self._require_told("viewed")
         with device():
-            paths = scene_paths(self.system, self.lens, self.system.backend)
-        return SceneView(scene_page(self.system.plain, self.lens, self.measurement.irradiance, paths))
+            paths = scene_paths(self.system, self.system.backend)
+        return SceneView(scene_page(self.system, self.measurement.irradiance, paths))
 
     def explore(self, pixels: int = 128) -> HBox:
         """Return sliders for a notebook, which move the lens, its source and its target, beside the light.
@@ -225,7 +277,7 @@ class Design(DesignRecord):
 
         self._require_told("explored")
         with device():
-            explorer = Explorer(self.system, self.lens, self.system.backend, pixels)
+            explorer = Explorer(self.system, self.system.backend, pixels)
 
         def light(values: Mapping[str, float]) -> ExploredLight:
             with device():
@@ -254,7 +306,7 @@ class Design(DesignRecord):
         return overview_html(self.system, self.measurement, self.metrics, self.notes)
 
 
-def _started_from_transport(system: OpticalSystem, history: Sequence[Row]) -> bool:
+def _started_from_transport(system: System, history: Sequence[Row]) -> bool:
     """Return whether a history is that of a design which started from an optimal-transport map.
 
     Its stages then have other levels than those of a flat start, or the first ones no evaluations.
@@ -264,7 +316,7 @@ def _started_from_transport(system: OpticalSystem, history: Sequence[Row]) -> bo
     return skipped or any(row.stage >= len(plan) or plan[row.stage].level != row.level for row in history)
 
 
-def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measurement:
+def _read_measurement(folder: Path, system: System) -> Measurement:
     """Return what a result folder says of the light.
 
     What the verdict needs and results of thbcad 0.2 do not hold is computed from their irradiance.
@@ -278,7 +330,7 @@ def _read_measurement(folder: Path, system: OpticalSystem, lens: Lens) -> Measur
         own = contrast_error(own, target) | own
     elif system.target.uniform_region and "grid" not in own.get("uniformity", {}):
         with device():
-            blur = spot_rms(system, lens, system.backend)
+            blur = spot_rms(system, system.backend)
         boxes = box_screen(system)
         assert boxes is not None, "a uniform region has boxes"
         images = [irradiance, boxes.means_of(irradiance, system.target.screen())]

@@ -99,10 +99,24 @@ def designed(
             _, state = shape_lens(traced, backend, chosen, state, listener=listener)
     except Interrupted as stop:
         keep(stop.state)
-        return Design.of_state(asked, system, stop.state, notes, clock.total(), True, levels.records)
+        state, interrupted = stop.state, True
+    else:
+        interrupted = False
     backend.release()
     clock.lap("optimise")
-    return Design.of_state(asked, system, state, notes, clock.total(), levels=levels.records)
+    system, unfit = system.with_sags(state.sags).as_possible()
+    if unfit:
+        notes(unfit)
+    return Design(
+        system,
+        state.history,
+        notes,
+        requested=asked,
+        wall_s=clock.total(),
+        started_from_transport=state.started_from_transport,
+        interrupted=interrupted,
+        levels=tuple(levels.records),
+    )
 
 
 def _progress(progress: bool | Show | None) -> DesignProgress:

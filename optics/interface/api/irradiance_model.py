@@ -20,14 +20,14 @@ from optics.designing.optimisation import Objective, vertex_knots
 from optics.interface.api.coefficient_vectors import Coefficients, image_of, packed, vectors
 from optics.light.engines import LightModel
 from optics.scene.photometry import PER_STERADIAN
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 
 Pull = Callable[[ArrayLike], Coefficients]
 
 
-def unit_of(system: OpticalSystem) -> float:
+def unit_of(system: System) -> float:
     """Return the factor from measurements to the unit of scripts: W per square degree become W/sr."""
     return PER_STERADIAN if system.target.far_field else 1.0
 

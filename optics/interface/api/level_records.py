@@ -15,7 +15,7 @@ from optics.exchange.results import lens_of, read_arrays
 from optics.interface.api.irradiance_model import unit_of
 from optics.light.analysis import Measurement, measure, rel_l2
 from optics.light.engines import Engine
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.io import json_text, lens_to_dict
 from thbcad.lens import Lens
@@ -53,15 +53,15 @@ class LevelKeeper:
     system : that measures.  traced, engine : what the design traces, see `shaping_by`.
     """
 
-    def __init__(self, system: OpticalSystem, traced: OpticalSystem, engine: Engine) -> None:
+    def __init__(self, system: System, traced: System, engine: Engine) -> None:
         self._system, self._traced, self._engine = system, traced, engine
         self.records: list[LevelRecord] = []
 
-    def __call__(self, stage: Stage, shaped: OpticalSystem, lens: Lens, target: Floats) -> None:
-        indicators = Indicators(self._traced.shaped_as(shaped.shapes), self._engine, target, None)
-        system = self._system.shaped_as(shaped.shapes)
-        measurement = measure(system, lens, system.backend)
-        gradients = tuple(indicators.vertex(lens, stage)[-len(lens.sags) :])
+    def __call__(self, stage: Stage, shaped: System, target: Floats) -> None:
+        lens = shaped.designed
+        traced, system = (s.with_shapes(shaped.shapes) for s in (self._traced, self._system))
+        measurement = measure(system, system.backend)
+        gradients = tuple(Indicators(self._engine, target, None).vertex(traced, stage)[-len(lens.sags) :])
         record = LevelRecord(stage.name, lens, gradients, measurement, unit_of(self._system))
         if stage.name in (names := [kept.name for kept in self.records]):  # aimed again
             self.records[names.index(stage.name) :] = []
@@ -78,7 +78,7 @@ def level_contents(level: LevelRecord) -> tuple[bytes, bytes]:
 
 
 def read_levels(
-    folder: Path, files: Sequence[tuple[str, str, str]], system: OpticalSystem
+    folder: Path, files: Sequence[tuple[str, str, str]], system: System
 ) -> tuple[LevelRecord, ...]:
     """Return the levels that a result folder keeps.  files : names as of `level_files`."""
     levels = []

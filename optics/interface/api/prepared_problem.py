@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from optics.base.runtime import Backend, UserError, load_backend
+from optics.base.runtime import Backend, UserError
 from optics.designing.prediction import resolved
-from optics.designing.starts import TransportStart, spot_lens
+from optics.designing.starts import TransportStart, spot_system
 from optics.light.blur import aimed_through, spreads_of
 from optics.light.engines import BlurredEngine, Engine, ExactEngine
 from optics.scene.problem import ENGINES
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 MESHES = ENGINES[-1]
 
@@ -19,23 +19,22 @@ MESHES = ENGINES[-1]
 class Prepared:
     """A system, the backend of all but drawn rays, and the transport start where it is known already."""
 
-    system: OpticalSystem
+    system: System
     backend: Backend
     start: TransportStart | None
 
 
-def prepared(system: OpticalSystem) -> Prepared:
+def prepared(system: System) -> Prepared:
     """Return a system that can be solved, made ready.
 
     Raises UserError : no usable LLVM library.
     """
-    run = system.problem.run
-    backend = load_backend("single" if run.precision == "single" else "double", run.threads)
+    backend = system.design_backend
     system, start = resolved(system, backend)
     return Prepared(system, backend, start)
 
 
-def require_engine(system: OpticalSystem) -> None:
+def require_engine(system: System) -> None:
     """Refuse a problem that its own engine cannot trace, before any work.
 
     Raises UserError : meshes for what they do not know.
@@ -47,7 +46,7 @@ def require_engine(system: OpticalSystem) -> None:
 
 
 def engine_of(
-    engine: str | Engine | None, system: OpticalSystem, backend: Backend, of_drawn: Backend | None = None
+    engine: str | Engine | None, system: System, backend: Backend, of_drawn: Backend | None = None
 ) -> Engine:
     """Return an engine by its name, or as it is; None is the problem's own.
 
@@ -71,8 +70,8 @@ def engine_of(
 
 
 def shaping_by(
-    engine: str | Engine | None, system: OpticalSystem, backend: Backend, of_drawn: Backend | None = None
-) -> tuple[OpticalSystem, Engine]:
+    engine: str | Engine | None, system: System, backend: Backend, of_drawn: Backend | None = None
+) -> tuple[System, Engine]:
     """Return the system whose light a design traces, and the engine that does so.
 
     Where divergence or roughness blurs the light, that is the sharp system, and the engine blurs its light.
@@ -84,7 +83,7 @@ def shaping_by(
     chosen = engine_of(engine, sharp, backend, of_drawn)
     if sharp is system:
         return system, chosen
-    spreads = spreads_of(system, system.path(spot_lens(system, backend)), backend)
+    spreads = spreads_of(system, spot_system(system, backend).path, backend)
     for spread in reversed(spreads):
         chosen = BlurredEngine(chosen, spread)
     return aimed_through(system, spreads), chosen

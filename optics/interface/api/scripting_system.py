@@ -1,9 +1,9 @@
-"""What a problem describes, for scripts: spaces, models, starts, lenses and their measurement."""
+"""The system of a problem, for scripts: spaces, models, starts, lenses and their measurement."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import partial
 from math import isqrt
 from numbers import Integral
 
@@ -20,7 +20,7 @@ from optics.light.engines import Engine, Film
 from optics.scene.problem import Problem
 from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource
-from optics.scene.system import Own, solvable_system
+from optics.scene.system import Own, System as SceneSystem, shared, solvable_system
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import Lens, require_sound
 from thbcad.surfaces import THBSurface
@@ -30,10 +30,11 @@ LEAST_RAYS = 2  # in each direction
 FINEST = 12  # level, as of max_level
 
 
-class System:
-    """Base lens, source and target of a problem, built once; every "auto" is resolved.
+class System(SceneSystem):
+    """A problem and the shape of every element, for scripts: an immutable value with every "auto" resolved.
 
-    It is built again from its problem where it is copied or pickled.
+    base : the unoptimised lens.  designed : the lens with its present shape.  path : of the light through it.
+    with_lens, with_sags : another System, with another shape.
 
     source, receiver : objects of classes of your own, in place of what the problem describes, see `Own`.
 
@@ -53,16 +54,8 @@ class System:
             raise UserError(f"System is a map of one free element, got {names}; optics.design shapes several")
         with device():
             ready = prepared(solvable_system(problem, Own(source, receiver)))
-        self.optical, self._backend, self._start = ready.system, ready.backend, ready.start
-
-    def __reduce__(self) -> tuple[type[System], tuple[object, ...]]:
-        own = self.optical.own
-        return System, (self.problem, own.source, own.receiver)
-
-    @property
-    def problem(self) -> Problem:
-        """The problem with a number for every "auto"."""
-        return self.optical.problem
+        known = ready.system.computed | ({"_transport": ready.start} if ready.start else {})
+        super().__init__(ready.system.problem, own=ready.system.own, known=known)
 
     def space(self, level: int = 0) -> Spaces:
         """Return the space of the free surface with all cells refined to a level; of two, front first."""
@@ -88,22 +81,20 @@ class System:
 
         Raises UserError : what does not suit, or an engine that is not installed; one sentence says so.
         """
-        spaces, optical = space_rows(space, self._level_0), self.optical.shaping
+        spaces, sharp = space_rows(space, self._level_0), self.shaping
         if window is None:
             own = self.problem.optimizer.window
-            window = "pixel" if own == "cells" and optical.source.extended else own
-        if window == "cells" and optical.source.extended:
+            window = "pixel" if own == "cells" and sharp.source.extended else own
+        if window == "cells" and sharp.source.extended:
             raise UserError('window = "cells" needs a source without extent; take "pixel" or "bspline"')
-        film = Film(
-            optical.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window)
-        )
-        lens = optical.base.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
+        film = Film(sharp.target.screen(margin=MARGIN), _ray_counts(rays), window_named(self.problem, window))
         with device():
-            optical, chosen = shaping_by(engine, self.optical, self._backend)
-            light = chosen.model(optical, lens, film)
-            target = optical.target.irradiance(optical.target.screen(), self._flux)
+            traced, chosen = shaping_by(engine, self.unshaped, self.design_backend)
+            traced = traced.with_sags([THBSurface(s, np.zeros(s.dim)) for s in spaces])
+            light = chosen.model(traced, film)
+            target = traced.target.irradiance(traced.target.screen(), self._flux)
             again = partial(System.model, self, space, rays, window, engine)
-            return Model(spaces, light, penalised_objective(optical, lens, light, target), again)
+            return Model(spaces, light, penalised_objective(traced, light, target), again)
 
     def transport_start(self, space: Spaces) -> THBSurface | tuple[THBSurface, ...]:
         """Return the sag that optimal transport asks for; a free front before it stays a conic.
@@ -123,7 +114,7 @@ class System:
         spaces = space_rows(space, self._level_0)
         sags = [THBSurface(s, c) for s, c in zip(spaces, vectors(coefficients, spaces))]
         try:
-            return require_sound(self.optical.base.with_sags(sags))
+            return require_sound(self.base.with_sags(sags))
         except ValueError as error:
             raise UserError(f"the lens cannot exist: {error}; take smaller coefficients") from None
 
@@ -138,20 +129,20 @@ class System:
             made = "system.lens(space, c) makes one"
             raise UserError(f"measure takes a Lens, got {type(lens).__name__}; {made}")
         with device():
-            found = measure(self.optical, lens, self.optical.backend)
-        return found.in_unit(unit_of(self.optical))
+            found = measure(self.with_lens(lens), self.backend)
+        return found.in_unit(unit_of(self))
 
-    @cached_property
+    @shared
     def _level_0(self) -> list[THBSpace]:
-        return [sag.space for sag in self.optical.base.sags]
+        return [sag.space for sag in self.base.sags]
 
-    @cached_property
+    @shared
     def _flux(self) -> float:
-        return transmitted_flux(self.optical.shaping, self._backend)
+        return transmitted_flux(self.unshaped.shaping, self.design_backend)
 
-    @cached_property
+    @shared
     def _transport(self) -> TransportStart:
-        return self._start or TransportStart(self.optical, self._backend)
+        return TransportStart(self.unshaped, self.design_backend)
 
 
 def _ray_counts(rays: object) -> tuple[int, int]:

@@ -48,7 +48,7 @@ def asbuilt(options: Namespace) -> Outcome:
     if options.step:
         from optics.exchange.verification import export_step  # OCCT
 
-        part = designed_part(design.system, built.lens)
+        part = designed_part(design.system.with_lens(built.lens))
         with TemporaryDirectory() as staged:
             path = Path(staged) / STEP
             for check in export_step(part, design.problem.export.schema, path):

@@ -23,7 +23,7 @@ from optics.designing.prediction import (
     foreseen_misses,
     resolved,
 )
-from optics.designing.starts import STEEP, spot_lens
+from optics.designing.starts import STEEP, spot_system
 from optics.interface.api import require_engine
 from optics.interface.commands.outcome import Outcome
 from optics.interface.commands.problem_options import system_of
@@ -32,7 +32,7 @@ from optics.light.analysis import dark_fraction
 from optics.light.outgoing import fire_warning
 from optics.scene.keys import AUTO
 from optics.scene.limits import position
-from optics.scene.system import OpticalSystem, advice
+from optics.scene.system import System, advice
 
 MANY_FACES = 12  # that light meets, from where on a check takes more than some seconds
 SMALL = 1.0  # mm: lenses and targets of less may have been given in metres
@@ -51,7 +51,7 @@ def check(options: Namespace) -> Outcome:
         fire = fire_warning(system, expectation.concentration)
         data = _data(system, plan) | {"expected": asdict(expectation), "fire": fire}
         picture, least = system.target.light, system.base.least_thickness()
-        limits = blur_limits(system, spot_lens(system, backend), backend) if system.blurred else None
+        limits = blur_limits(spot_system(system, backend), backend) if system.blurred else None
         displaced = displaced_limits(system)
         waves = diffraction(system, expectation.least, lambda: expectation.blur or 0.0)
         missed = foreseen_misses(system, expectation, limits, backend, displaced)
@@ -107,7 +107,7 @@ def _command(words: Sequence[str], name: str, *more: str) -> str:
     return shlex.join(["thbcad", name, *kept, *more])
 
 
-def _side_lines(system: OpticalSystem) -> list[str]:
+def _side_lines(system: System) -> list[str]:
     """Return from which side a picture reads right; nothing of regions and formulas."""
     target = system.problem.target
     if target.kind != "image":
@@ -121,7 +121,7 @@ def _side_lines(system: OpticalSystem) -> list[str]:
     return [f"the picture reads right from {side}; for {other}: --set target.seen_from={name}"]
 
 
-def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
+def _data(system: System, plan: Sequence[Stage]) -> dict[str, Any]:
     """Return what is certain before a design."""
     screen, least = system.target.screen(), system.base.least_thickness()
     return {
@@ -132,7 +132,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
         "dark_share": dark_fraction(system.target.irradiance(screen, system.problem.flux)),
         "least_thickness_mm": least.value,
         "least_thickness_at_mm": [least.u, least.v],
-        "volume_mm3": system.as_possible(system.base)[0].made(system.base).volume(),
+        "volume_mm3": system.unshaped.as_possible()[0].made.volume(),
         "skips": [asdict(skip) for skip in system.skips],
         "levels": [
             {
@@ -146,7 +146,7 @@ def _data(system: OpticalSystem, plan: Sequence[Stage]) -> dict[str, Any]:
     }
 
 
-def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> list[str]:
+def _notes(system: System, expectation: Expectation, chosen: bool) -> list[str]:
     """Return sentences about what does not suit the problem.  chosen : whether z_freedom was left to us."""
     notes = [*_unit_notes(system), *filter(None, [expectation.note])]
     if any(can_cross(system)) and not chosen:
@@ -167,7 +167,7 @@ def _notes(system: OpticalSystem, expectation: Expectation, chosen: bool) -> lis
     return [*notes, *advice(system)]
 
 
-def _unit_notes(system: OpticalSystem) -> list[str]:
+def _unit_notes(system: System) -> list[str]:
     """Return a sentence of lens and target where they are so small that their lengths may be in metres."""
     target = system.target.settings
     widths = {system.problem.optic.noun: 2 * max(getattr(system.base, system.shaped).half_width)}

@@ -16,9 +16,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from ctypes import pythonapi
-from functools import cache, partialmethod
 from importlib import import_module
-from inspect import signature
 from typing import Any, TextIO
 
 from optics.base.runtime import NumericalError, UserError, address_limit, printable
@@ -78,8 +76,6 @@ def _run(options: Namespace) -> int:
         if missing := missing_packages("optics"):
             raise UserError(not_installed(missing, "optics"))
         require_one_occt()
-    if options.command not in ("bench", "completion", *FREE):  # which need no SciPy
-        _leave_docstrings_unread()
     command = import_module(f"optics.interface.commands.{options.command}_command")
     with ExitStack() as stack:
         if options.quiet:  # an error that ends the command is told behind it
@@ -108,16 +104,6 @@ def _require_date() -> None:
             f"the environment variable {DATE} must be whole seconds since 1970, from 0 to {LATEST}, got "
             f"{date[:20]!r}; unset it"
         )
-
-
-@cache
-def _leave_docstrings_unread() -> None:
-    """Let SciPy load without its docstrings, which nobody sees: to read them takes a third of its time."""
-    with suppress(ImportError):  # another version of SciPy
-        from scipy._lib._docscrape import FunctionDoc
-
-        if "doc" in signature(FunctionDoc).parameters:
-            FunctionDoc.__init__ = partialmethod(FunctionDoc.__init__, doc="")
 
 
 def _failed(error: Exception, verbose: bool) -> int:

@@ -40,8 +40,7 @@ from optics.light.analysis import (
 )
 from optics.reporting.live import LiveView
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 if TYPE_CHECKING:
     from optics.interface.api import Written
@@ -93,7 +92,7 @@ def design(options: Namespace) -> Outcome:
         raise UserError("--lens takes a lens as it is: --resume, --from and --live are for designs")
     if options.turn and not options.lens:
         raise UserError("--turn turns the lens of --lens; give one")
-    system, lens = system_and_lens(options)
+    system = asked_system(options)
     problem = system.problem
     run = _Run(problem, options.words, folder, clock, live, identity=fingerprint(problem))
     if not options.force:
@@ -102,7 +101,7 @@ def design(options: Namespace) -> Outcome:
         if options.live:
             require_room_for_live_page(folder.path, options.force)
         try:
-            return _designed(run, system, options, lens)
+            return _designed(run, system, options)
         except BaseException as error:
             ended = "the run has ended without a result; the terminal says why"
             kept = isinstance(error, ProcessEnded | OSError) and folder.has_run_of(problem)
@@ -113,14 +112,14 @@ def design(options: Namespace) -> Outcome:
             raise
 
 
-def system_and_lens(options: Namespace) -> tuple[OpticalSystem, Lens | None]:
-    """Return the system of the problem, with the lens of --lens where that is given, and that lens."""
+def asked_system(options: Namespace) -> System:
+    """Return the system of the problem, with the lens of --lens where that is given."""
     if not options.lens:
-        return system_of(options), None
+        return system_of(options)
     return given_system(options.problem, changes_of(options), options.lens, options.turn)
 
 
-def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens | None) -> Outcome:
+def _designed(run: _Run, system: System, options: Namespace) -> Outcome:
     # a problem that is refused needs none of it
     from optics.interface.api import (
         Design,
@@ -132,7 +131,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         write_result,
     )
 
-    if lens is None:
+    if not options.lens:
         require_engine(system)
     with run.clock.progress, ExitStack() as stack:
         run.clock.progress.asked(system)
@@ -140,10 +139,10 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         solids, drawing = stack.enter_context(helpers(forked=True))
         if not (options.resume or options.earlier):  # what these refuse waits for no package
             _load(solids, drawing)
-        if lens is not None:
-            design = Design(asked=run.asked, system=system, lens=lens, notes=run.notes)
+        if options.lens:
+            design = Design(system, notes=run.notes, requested=run.asked)
             # it says whose files lie here until the record does
-            begun = State(False, 0, tuple(lens.sags))
+            begun = State(False, 0, tuple(system.designed.sags))
             write_checkpoint(run.folder.checkpoint, run.asked, system.problem, begun)
             written = write_result(design, run.folder, run.clock, solids, DesignFigures(drawing, system))
             return _outcome(written, system)
@@ -152,7 +151,7 @@ def _designed(run: _Run, system: OpticalSystem, options: Namespace, lens: Lens |
         state = _resumed(run, resolved) if options.resume else None
         if state is not None and options.iterations:
             optimizer = replace(resolved.problem.optimizer, iterations=(options.iterations,))
-            ready = replace(ready, system=OpticalSystem(replace(resolved.problem, optimizer=optimizer)))
+            ready = replace(ready, system=System(replace(resolved.problem, optimizer=optimizer)))
             state = state.renumbered(resolved, ready.system).with_steps_left(ready.system)
         if options.earlier:
             earlier = ResultFolder(options.earlier)
@@ -201,7 +200,7 @@ def show_in_browser(page: Path) -> None:
         webbrowser.open(page.resolve().as_uri())
 
 
-def _resumed(run: _Run, system: OpticalSystem) -> State:
+def _resumed(run: _Run, system: System) -> State:
     """Return the state of the checkpoint, or that of the finished result of the same problem."""
     if run.folder.checkpoint.exists() or not run.folder.is_result_of(run.asked):
         state, earlier = read_checkpoint(run.folder.checkpoint, system)
@@ -240,7 +239,7 @@ def resuming(words: Sequence[str]) -> str:
     return shlex.join(["thbcad", *kept, *([] if "--resume" in kept else ["--resume"])])
 
 
-def _outcome(written: Written, system: OpticalSystem) -> Outcome:
+def _outcome(written: Written, system: System) -> Outcome:
     """Return what is known of a design, and what is printed of it."""
     folder, metrics, checked = written.folder, written.metrics, written.verification
     fit, misses = [], []

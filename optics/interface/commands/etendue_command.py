@@ -37,7 +37,7 @@ from optics.interface.commands.problem_options import picture_path, system_of
 from optics.interface.screens import etendue_screen
 from optics.light.analysis import passing_share, passing_words
 from optics.light.blur import patch_images
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.io import write_bytes
 
 NARROW = 0.05  # of a designed lens's light comes in smaller images than the measured area
@@ -110,7 +110,7 @@ def etendue(options: Namespace) -> Outcome:
     return Outcome(data, lines, screen=etendue_screen(system, data, "", efficiency, out))
 
 
-def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
+def _why_no_limit(system: System, passing: Throughput) -> str:
     """Return why etendue gives no limit to the light of a source, "" where it gives one."""
     if system.source.several:
         return SEVERAL
@@ -121,10 +121,10 @@ def _why_no_limit(system: OpticalSystem, passing: Throughput) -> str:
     return "" if bounds_hold(system) else UNBOUND
 
 
-def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any], ImageBound, list[str]]:
+def _one_blurs(system: System, efficiency: float) -> tuple[dict[str, Any], ImageBound, list[str]]:
     """Return the bounds of one blur for --json, that of the source's proportions, and lines."""
     start = perf_counter()
-    alike = one_blur(system, system.base, efficiency, FIXED, any_form=False)
+    alike = one_blur(system.unshaped, efficiency, FIXED, any_form=False)
     blurs = {"source_proportions": _blur_data(alike, start)}
     lines = [
         f"{one_blur_sentence(system)}, {base_rear(system)}",
@@ -132,7 +132,7 @@ def _one_blurs(system: OpticalSystem, efficiency: float) -> tuple[dict[str, Any]
     ]
     if stretchable(system):
         start = perf_counter()
-        free = one_blur(system, system.base, efficiency, SEARCH)
+        free = one_blur(system.unshaped, efficiency, SEARCH)
         blurs["any_proportions"] = _blur_data(free, start)
         lines += _blur_lines(system, free, blurs["any_proportions"], True)
     return blurs, alike.bound, lines
@@ -153,11 +153,11 @@ def _blur_data(images: OneBlur, start: float) -> dict[str, Any]:
     }
 
 
-def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[str]]:
+def _measured(system: System, result: str) -> tuple[dict[str, Any], list[str]]:
     """Return the bound for images as a designed lens projects them, for --json and as lines."""
     start = perf_counter()
-    lens = ResultFolder(result).read_lens()
-    half = sqrt(patch_images(system, lens, system.backend).smallest(NARROW)) / 2
+    designed = system.with_lens(ResultFolder(result).read_lens())
+    half = sqrt(patch_images(designed, system.backend).smallest(NARROW)) / 2
     images = images_bound(system, (half, half), SEARCH)
     data = _blur_data(images, start)
     return data, [
@@ -167,9 +167,9 @@ def _measured(system: OpticalSystem, result: str) -> tuple[dict[str, Any], list[
     ]
 
 
-def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
+def _throughput_lines(system: System, passing: Throughput) -> list[str]:
     met, unit = system.problem.faces_met, system.units.flux
-    passing_on = passing_words(passing_share(system.path(system.base)))
+    passing_on = passing_words(passing_share(system.unshaped.path))
     first = f"the {met[0].face} of the base lens" if system.problem.lens else met[0].name
     lines = [
         f"{passing.source:10.4g} mm^2 sr  etendue of the source",
@@ -180,7 +180,7 @@ def _throughput_lines(system: OpticalSystem, passing: Throughput) -> list[str]:
     return lines[OF_SOURCE:] if system.source.by_rays else lines
 
 
-def _blur_lines(system: OpticalSystem, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:
+def _blur_lines(system: System, images: OneBlur, data: dict[str, Any], any_form: bool) -> list[str]:
     unit = system.target.receiver.area_unit
     lines = [f"images of the source: at least {data['area']:.4g} {unit}"]
     if any_form:

@@ -100,7 +100,7 @@ def _cut_cost(result: str, lens: Lens, body: Body) -> tuple[dict[str, Any], list
     if not Path(result).is_dir():
         return {}, []
     system = ResultFolder(result).read().system
-    cost = cut_cost(system, lens, system.backend, cut)
+    cost = cut_cost(system, system.backend, cut)
     line = (
         f"the cut costs {cost.through:.2%} of the light "
         f"{'of the mirror' if system.reflects else 'through front and rear'}, "
@@ -138,10 +138,10 @@ def _scene(options: Namespace) -> Outcome:
     _require_whole_lens("a scene holds", options)
     if not folder.is_dir():
         raise UserError(f"a scene needs the problem of a result folder, and {folder} is none")
-    system, lens, _ = ResultFolder(folder).read()
+    system = ResultFolder(folder).read().system
     require_free_files(scene_file_names(system, out), options.out, options.force)
     current_mitsuba()
-    files = scene_files(system, lens, out)
+    files = scene_files(system, out)
     write_files(files)
     density = system.density
     one = density.factor * irradiance_of_one(system)
@@ -154,7 +154,7 @@ def _scene(options: Namespace) -> Outcome:
         *(["the scene holds one lens of the plate, and its source"] if system.problem.optic.array else []),
         *(["its glass is clear: it absorbs nothing"] if absorbs(system) else []),
     ]
-    return reported(options.out, "mitsuba", files, scene_checks(system, lens, out), {}, lines)
+    return reported(options.out, "mitsuba", files, scene_checks(system, out), {}, lines)
 
 
 def _assembly(options: Namespace, name: str) -> Outcome:
@@ -171,8 +171,8 @@ def _assembly(options: Namespace, name: str) -> Outcome:
     if not folder.is_dir():
         raise UserError(f"--scene needs the problem of a result folder, and {folder} is none")
     require_free_files([out], options.out, options.force)
-    system, lens, _ = ResultFolder(folder).read()
-    checks = export_scene(system, lens, out, options.scene == "staged")
+    system = ResultFolder(folder).read().system
+    checks = export_scene(system, out, options.scene == "staged")
     return reported(options.out, name, [out], checks, {}, _sizes([out]))
 
 

@@ -26,10 +26,9 @@ from optics.light.outgoing import (
 from optics.scene.luminaires import Luminaire, luminaire_writer, read_luminaire
 from optics.scene.photometry import units_of
 from optics.scene.ray_files import read_rays, require_ray_suffix, write_rays
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import System, require_lens_on_axis
 from thbcad.checks import Floats
 from thbcad.io import json_text, write_text
-from thbcad.lens import Lens
 
 LIGHT = "irradiance.npz"  # of a result folder
 MOST_RAYS = 1 << 25  # of a ray file: a gigabyte
@@ -54,8 +53,8 @@ def rays_of_light(options: Namespace) -> Outcome:
         raise UserError(f"the suffix of {out} says how rays are written: leave out --format")
     require_ray_suffix(out)
     require_free_files([out], options.out, options.force)
-    system, lens = traceable(options)
-    rays = outgoing_rays(system, lens, system.backend, options.rays, options.light)
+    system = traceable(options)
+    rays = outgoing_rays(system, system.backend, options.rays, options.light)
     write_rays(rays, out)
     read = read_rays(out)
     differ = sum(
@@ -76,8 +75,8 @@ def intensity_of_light(options: Namespace) -> Outcome:
     out = Path(options.out)
     require_free_files([out], options.out, options.force)
     write = luminaire_writer(out.suffix.lower())
-    system, lens = traceable(options)
-    light = traced_intensity(system, lens, options)
+    system = traceable(options)
+    light = traced_intensity(system, options)
     write(light.luminaire, out, system.problem.title)
     read, peak = read_luminaire(out), float(light.luminaire.candela.max())
     units = system.units
@@ -94,7 +93,7 @@ def intensity_of_light(options: Namespace) -> Outcome:
         "steps_deg": list(light.steps),
         "noise": light.noise,
     }
-    shown = _shown(system, lens, read, options)
+    shown = _shown(system, read, options)
     data["on_target"] = {name: vars(one) for name, one in shown.items()}
     c, gamma = light.steps
     lines = [
@@ -108,8 +107,8 @@ def intensity_of_light(options: Namespace) -> Outcome:
     return reported(options.out, out.suffix[1:].lower(), [out], checks, data, lines)
 
 
-def traceable(options: Namespace) -> tuple[OpticalSystem, Lens]:
-    """Return what is to be traced.
+def traceable(options: Namespace) -> System:
+    """Return the system to be traced.
 
     Raises UserError : no result folder, or too many rays.
     """
@@ -117,11 +116,10 @@ def traceable(options: Namespace) -> tuple[OpticalSystem, Lens]:
         raise UserError(f"--rays must be from 1 to {MOST_RAYS}, got {options.rays}")
     if not Path(options.result).is_dir():
         raise UserError(f"light needs the problem of a result folder, and {options.result} is none")
-    system, lens, _ = ResultFolder(options.result).read()
-    return system, lens
+    return ResultFolder(options.result).read().system
 
 
-def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> OutgoingIntensity:
+def traced_intensity(system: System, options: Namespace) -> OutgoingIntensity:
     """Return the intensity of the light that leaves a lens.
 
     Raises UserError : no lens on the axis, a step out of range, or no light.
@@ -141,21 +139,19 @@ def traced_intensity(system: OpticalSystem, lens: Lens, options: Namespace) -> O
         def show(done: int, of: int) -> None:
             progress.advance(done / of, f"{done / of:.0%} of {options.rays:,} rays")
 
-        light = outgoing_intensity(system, lens, system.backend, options.rays, step, show)
+        light = outgoing_intensity(system, system.backend, options.rays, step, show)
         progress.finish()
     return light
 
 
-def _shown(
-    system: OpticalSystem, lens: Lens, luminaire: Luminaire, options: Namespace
-) -> dict[str, OnTarget]:
+def _shown(system: System, luminaire: Luminaire, options: Namespace) -> dict[str, OnTarget]:
     """Return the light on the target of the lens, of its file, and of steps alone; none without the light."""
     path = Path(options.result) / LIGHT
     if not path.exists():
         return {}
     of_lens: Floats = read_arrays(path, ("irradiance",))["irradiance"]
-    blur = 0.0 if system.target.uniform_region is None else spot_rms(system, lens, system.backend)
-    beside = StepsOnTarget(system, lens, of_lens, blur)
+    blur = 0.0 if system.target.uniform_region is None else spot_rms(system, system.backend)
+    beside = StepsOnTarget(system, of_lens, blur)
     finer = dict.fromkeys((options.step, max(options.step / 2, STEPS[0]), STEPS[0]))
     alone = {f"steps of {step:g} alone": beside.by_steps(step) for step in finer}
     return {"the lens": beside.own, "this file": beside.by_file(luminaire), **alone}

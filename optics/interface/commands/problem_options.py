@@ -11,7 +11,7 @@ from optics.base.runtime import UserError, printable, require_file_name, speakin
 from optics.exchange.results import require_writable
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, load_system
+from optics.scene.system import System, load_system
 
 
 def changes_of(options: Namespace) -> dict[str, Any]:
@@ -25,8 +25,8 @@ def changes_of(options: Namespace) -> dict[str, Any]:
     return changes | ({"optimizer.engine": engine} if engine else {})
 
 
-def system_of(options: Namespace) -> OpticalSystem:
-    """Return the OpticalSystem of the problem file and its changes; --verbose says what tracing skips."""
+def system_of(options: Namespace) -> System:
+    """Return the System of the problem file and its changes; --verbose says what tracing skips."""
     system = load_system(options.problem, changes_of(options))
     if options.verbose:
         for skip in system.skips:

@@ -64,12 +64,12 @@ def _lamp(options: Namespace) -> tuple[Luminaire, Sequence[Luminaire], float]:
     """
     if Path(options.result).suffix.lower() in LUMINAIRE_SUFFIXES:
         return read_luminaire(options.result), (), 0.0
-    system, lens = traceable(options)
+    system = traceable(options)
     if not system.units.luminous:
         raise UserError(
             f"roads are judged in lumens, and the source of {options.result} is in watts; "
             'design with source.unit = "lm" and its lumens as source.flux'
         )
-    light = traced_intensity(system, lens, options)
+    light = traced_intensity(system, options)
     parts = [replace(light.luminaire, candela=candela) for candela in light.parts]
     return light.luminaire, parts, light.noise

@@ -20,11 +20,11 @@ PICTURES = ("tool_front.png", "tool_rear.png")
 def tool(options: Namespace) -> Outcome:
     """Try a tool on the lens of a result folder."""
     order = ToolOrder(**{field.name: getattr(options, field.name) for field in fields(ToolOrder)})
-    system, lens, _ = ResultFolder(options.result).read()
+    system = ResultFolder(options.result).read().system
     folder = Path(options.out or Path(options.result) / "tool")
     writable_folder(folder)
     require_own(folder, (RECORD, PAGE, *PICTURES), RECORD, options.force)
-    findings = tool_findings(system, lens, order, system.backend)
+    findings = tool_findings(system, order, system.backend)
     checked, lines = verification(findings.checks), tool_lines(findings)
     data = tool_data(findings) | checked
     from optics.reporting.figures import figures_of_tool  # matplotlib

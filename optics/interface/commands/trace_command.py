@@ -27,7 +27,7 @@ from optics.light.analysis import (
 from optics.light.tracing import SENTENCES, fate_sentences, path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 MOST_RAYS = 1 << 15  # per direction
@@ -46,7 +46,7 @@ def trace(options: Namespace) -> Outcome:
     """
     if not 8 <= options.rays <= MOST_RAYS:
         raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
-    system, lens, _ = ResultFolder(options.result).read()
+    system = ResultFolder(options.result).read().system
     folder = Path(options.out or Path(options.result) / "trace")
     writable_folder(folder)
     alone = system.lens_on_axis and system.problem.source.lone
@@ -59,32 +59,32 @@ def trace(options: Namespace) -> Outcome:
     exact = backend if options.precision == "double" else system.backend
     start = perf_counter()
     every = system.with_all_sources
-    image, fates, counts = sequential(every, lens, backend, options.rays)
+    image, fates, counts = sequential(every, backend, options.rays)
     seconds = perf_counter() - start
     contents = _light_contents(every, image, fates.transmitted)
-    rays = system.own_rays(system.source.rays(TRIED), lens)
-    data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(every, lens, fates, counts)}
-    data |= polarisation_change(every, every.shaded_path(lens), exact)
+    rays = system.own_rays(system.source.rays(TRIED))
+    data: dict[str, Any] = {"seconds": seconds, **sequential_metrics(every, fates, counts)}
+    data |= polarisation_change(every, every.shaded_path, exact)
     if system.lens_on_axis:
-        data["etendue"] = conservation(system, lens, exact)
-    data["faults"] = path_faults(exact, system.own_path(lens), rays)
+        data["etendue"] = conservation(system, exact)
+    data["faults"] = path_faults(exact, system.own_path, rays)
     if system.lens_on_axis:
-        contents["fresnel.png"] = fresnel_figure(exact, lens.index)
+        contents["fresnel.png"] = fresnel_figure(exact, system.designed.index)
     if alone:
-        contents["phase_space.png"] = phase_space_figure(sections(system, lens, exact))
+        contents["phase_space.png"] = phase_space_figure(sections(system, exact))
     if system.all_ways:
-        data["nonsequential"] = nonsequential(system, lens, exact)
+        data["nonsequential"] = nonsequential(system, exact)
     if system.problem.optic.array is not None:
-        data |= crosstalk(system, lens, exact)
+        data |= crosstalk(system, exact)
     lines = [*_lines(data, system.units), *_left_out(system)]
-    if waves := diffraction_of(system, lens, exact):
+    if waves := diffraction_of(system, exact):
         data["diffraction"] = asdict(waves)
         lines.append(f"diffraction: {waves.sentence(system.target.unit)}")
     write_recorded(folder, RECORD, data, contents)
     return Outcome(data, [*lines, f"wrote {folder}"])
 
 
-def _left_out(system: OpticalSystem) -> list[str]:
+def _left_out(system: System) -> list[str]:
     """Return what is not shown, or not of all the light."""
     left_out = []
     if system.spectral:
@@ -99,7 +99,7 @@ def _left_out(system: OpticalSystem) -> list[str]:
     return left_out
 
 
-def _light_contents(system: OpticalSystem, image: Floats, flux: float) -> dict[str, bytes]:
+def _light_contents(system: System, image: Floats, flux: float) -> dict[str, bytes]:
     """Return the files of the light by name: arrays and pictures, in the far field diagrams too.
 
     image : the irradiance on the target's pixels.  flux : of the light asked for.

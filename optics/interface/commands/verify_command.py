@@ -29,14 +29,13 @@ from optics.interface.screens import verify_screen
 from optics.light.analysis import delivery_checks
 from optics.scene.limits import limit_checks
 from optics.scene.system import (
-    OpticalSystem,
+    System,
     designed_part,
     manufactured,
     other_limit_checks,
     other_parts,
 )
 from thbcad.doors import pip_command
-from thbcad.lens import Lens
 
 
 class FileLight(NamedTuple):
@@ -64,7 +63,7 @@ class LightRequest:
         picture, page, record = (f"light_{self.tracer}.{suffix}" for suffix in ("png", "html", "json"))
         return picture, page, record
 
-    def answered(self, system: OpticalSystem, lens: Lens, file: StepFile, backend: Backend) -> FileLight:
+    def answered(self, system: System, file: StepFile, backend: Backend) -> FileLight:
         """Trace the file, write picture and numbers, and return the FileLight.
 
         Raises UserError : the file cannot be read, or is no lens; as `file_tracer`.
@@ -81,7 +80,7 @@ class LightRequest:
         note(f"{self.tracer} traces {self.rays} rays through the STEP file")
         with reading(file.path):
             tracer = file_tracer(self.tracer, file, system)
-        found = compare_light(system, lens, tracer, self.rays, backend)
+        found = compare_light(system, tracer, self.rays, backend)
         checks = light_comparison_checks(found, system.traced_within)
         checked, lines = verification(checks), light_comparison_lines(found)
         image, page, record = self.names
@@ -217,17 +216,17 @@ def _folder_checks(
     if beside and optiland_available():
         beside.ask("optics.base.runtime", "load", "optiland.geometries", "NurbsGeometry")
     folder = ResultFolder(path)
-    system, lens, _ = folder.read()
+    system = folder.read().system
     file = StepFile(folder.step)
     with reading(file.path):
         file.read_lens()
-    by_optiland = _by_optiland(beside, system, lens, file) if beside else None
+    by_optiland = _by_optiland(beside, system, file) if beside else None
     problem, backend = system.problem, system.backend
-    designed = designed_part(system, lens)
+    designed = designed_part(system)
     checks, notes = fresh_export_checks(designed, problem.export.schema, file)
-    checks += prescription_checks(problem, lens, given=not folder.read_history())
-    checks += text_and_occt_checks(system, lens, file, backend)
-    checks += run(system, lens, file, backend)
+    checks += prescription_checks(problem, system.designed, given=not folder.read_history())
+    checks += text_and_occt_checks(system, file, backend)
+    checks += run(system, file, backend)
     for part in other_parts(system):
         own = StepFile(folder.path / part.file)
         with reading(own.path):
@@ -239,19 +238,17 @@ def _folder_checks(
         files = {part.name: folder.path / part.file for part in other_parts(system)}
         files[designed.name] = folder.step
         with reading(folder.path / SCENE):
-            checks += scene_checks(system, lens, folder.path / SCENE)
-            checks.append(scene_text_check(system, lens, folder.path / SCENE, files))
-    checks += limit_checks(problem, manufactured(system, lens)) + other_limit_checks(system)
+            checks += scene_checks(system, folder.path / SCENE)
+            checks.append(scene_text_check(system, folder.path / SCENE, files))
+    checks += limit_checks(problem, manufactured(system)) + other_limit_checks(system)
     checks += by_optiland.result() if by_optiland else []
     if request is None:
         return checks, notes, None
-    light = request.answered(system, lens, file, backend)
+    light = request.answered(system, file, backend)
     return checks + light.checks, notes, light
 
 
-def _by_optiland(
-    beside: HelperProcess, system: OpticalSystem, lens: Lens, file: StepFile
-) -> Future[list[Check]] | None:
+def _by_optiland(beside: HelperProcess, system: System, file: StepFile) -> Future[list[Check]] | None:
     """Return what optiland will find in a file, in a process beside this one; None where it traces no such.
 
     To load it and to trace takes as long as all other checks.
@@ -266,5 +263,5 @@ def _by_optiland(
         note(f"optiland is not installed and does not trace the file; {pip_command('verify')}")
     else:
         room = "optics.exchange.verification"
-        return beside.ask(room, "optiland_checks", system.plain, lens, StepFile(file.path.absolute()))
+        return beside.ask(room, "optiland_checks", system, StepFile(file.path.absolute()))
     return None

@@ -13,7 +13,7 @@ from optics.base.runtime import Backend, UserError
 from optics.light.analysis import unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from optics.tolerancing.perturbations import (
     NOMINAL,
     LightJudge,
@@ -60,16 +60,16 @@ class Explorer:
     Raises UserError : see `PerturbedLight`.
     """
 
-    def __init__(self, system: OpticalSystem, lens: Lens, backend: Backend, pixels: int) -> None:
+    def __init__(self, system: System, backend: Backend, pixels: int) -> None:
         problem, source = system.problem, system.problem.source
         part = min(1.0, pixels / max(problem.target.pixels))
         fewer = tuple(max(LEAST_PIXELS, round(part * n)) for n in problem.target.pixels)
         self._problem = problem.with_(**{"target.pixels": fewer})
-        self._shapes, self._lens, self._backend = system.shapes, lens, backend
+        self._shapes, self._backend = system.shapes, backend
         self._divergence = source.half_divergence
         self._judge = self._judge_at(self._divergence)
         beam = system.source.from_afar  # whose width the lens cuts off: its divergence is its size
-        reaches = _reaches(problem, lens, 0.0 if beam else SIZE)
+        reaches = _reaches(problem, system.designed, 0.0 if beam else SIZE)
         self._tolerances = {t.name: t for t in tolerances_of(system) if reaches.get(t.name)}
         known = [Knob(n, t.unit, 0.0, -reaches[n], reaches[n]) for n, t in self._tolerances.items()]
         if beam and not (source.others or problem.element):
@@ -112,9 +112,9 @@ class Explorer:
             profile = problem.source.divergence_profile if divergence else "uniform"
             changes = {DIVERGENCE: divergence, "source.divergence_profile": profile}
             problem = problem.with_(**changes)
-        system = solvable_system(problem).shaped_as(self._shapes)
-        light = PerturbedLight(system, self._lens, self._backend)
-        blur = 0.0 if light.by_cells else spot_rms(system, self._lens, self._backend)
+        system = solvable_system(problem).with_shapes(self._shapes)
+        light = PerturbedLight(system, self._backend)
+        blur = 0.0 if light.by_cells else spot_rms(system, self._backend)
         screen = system.target.screen()
         target = system.target.irradiance(screen, problem.flux) / screen.projection()
         return LightJudge(unit_mean(target), light, blur)

@@ -13,7 +13,7 @@ from optics.base.runtime import UserError, note, reading
 from optics.interface.relighting.lens_in_problem import given_lens
 from optics.light.outgoing import outgoing_rays
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from thbcad.io import read_lens
 from thbcad.lens import Lens
 
@@ -41,8 +41,8 @@ MOVED = 1e-6  # mm: where the target was moved by more, it is said
 
 def given_system(
     problem_file: str | Path, changes: Mapping[str, object], lens_file: str | Path, turn: bool
-) -> tuple[OpticalSystem, Lens]:
-    """Return the system of a problem file with a lens from a file in place of its own, and that lens.
+) -> System:
+    """Return the system of a problem file with a lens from a file in place of its own.
 
     The problem may leave out thickness and half-widths of the lens, and the target: then the light falls on a
     screen that holds nearly all of it, and none is requested.
@@ -67,7 +67,7 @@ def given_system(
     problem, lens = given_lens(problem, lens)
     if "target" in left_out:
         problem = _on_screen(problem, lens)
-    return solvable_system(problem), lens
+    return solvable_system(problem).with_lens(lens)
 
 
 def _read(path: Path, turn: bool) -> Lens | ForeignLens:
@@ -107,7 +107,7 @@ def _left_out(tables: Mapping[str, Any], found: Lens | ForeignLens) -> dict[str,
 def _refitted(found: ForeignLens, problem: Problem) -> Lens:
     """Return the Lens of a STEP file, with the index of a problem."""
     with reading(found.path):
-        refit = found.refit(OpticalSystem(problem).problem.optic.known_index)
+        refit = found.refit(System(problem).problem.optic.known_index)
     note(f"{found.path}: {refit}")
     return refit.lens
 
@@ -144,8 +144,8 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
 
 def _on_screen(problem: Problem, lens: Lens) -> Problem:
     """Return a problem with a screen that holds the light of its lens, and say where it stands."""
-    system = solvable_system(problem)
-    rays = outgoing_rays(system, lens, system.backend, RAYS, "target")
+    system = solvable_system(problem).with_lens(lens)
+    rays = outgoing_rays(system, system.backend, RAYS, "target")
     away = float(problem.target.distance or 0.0)
     reach = np.abs(rays.position[:, :2].astype(float))
     arrives = np.isfinite(reach).all(axis=1) & (rays.flux > 0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Freeform, Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import Lens
 from thbcad.splines import KnotVector
@@ -36,7 +36,7 @@ def given_lens(problem: Problem, lens: Lens) -> tuple[Problem, Lens]:
         space = THBSpace(*(KnotVector.uniform(Freeform.degree, 1, -h, h) for h in lens.rear.half_width))
         lens = replace(lens, rear=lens.rear.with_sag(THBSurface(space, np.zeros(space.dim))))
     keys: dict[str, Any] = {"lens.thickness": lens.thickness, **_outline_keys(lens)}
-    if OpticalSystem(problem).problem.optic.known_index != lens.index:
+    if System(problem).problem.optic.known_index != lens.index:
         keys["lens.index"] = lens.index
     for name, surface, _ in lens.faces:
         keys |= {

@@ -24,13 +24,12 @@ from optics.scene.problem import (
     freedom_of,
     load_problem,
 )
-from optics.scene.system import OpticalSystem, absorption_at, index_at, pose_of, solvable_system, source_of
-from thbcad.lens import Lens
+from optics.scene.system import System, absorption_at, index_at, pose_of, solvable_system, source_of
 from thbcad.poses import Pose
 from thbcad.sags import Conic
 
 
-def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -> Measurement:
+def relit(system: System, source: Source, backend: Backend) -> Measurement:
     """Return what the lens of a system delivers in the light of another source.
 
     In light of another wavelength the lens has its index and absorption there, if its material or its tables
@@ -57,9 +56,7 @@ def relit(system: OpticalSystem, lens: Lens, source: Source, backend: Backend) -
             other = other.with_optic(optic, index=index, absorption=absorption)
         if optic.called in shapes:
             shapes[optic.called] = replace(shapes[optic.called], index=index)
-        if optic == system.problem.optic:
-            lens = replace(lens, index=index)
-    return measure(solvable_system(other).shaped_as(shapes), lens, backend)
+    return measure(solvable_system(other).with_shapes(shapes), backend)
 
 
 EDGE_ON = 1e-9  # of a cosine: light goes along a face

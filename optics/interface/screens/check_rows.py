@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from optics.base.runtime import plain_number
 from optics.designing.prediction import LEAST_ERROR, Expectation
 from optics.interface.screens.screen import Entry, Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 MM3_PER_CM3 = 1000
 SHOWN = 5e-4  # of the source's light: less is not worth a word
@@ -16,7 +16,7 @@ PERCENT = 100
 
 
 def check_screen(
-    system: OpticalSystem,
+    system: System,
     expected: Expectation,
     missed: Sequence[str],
     notes: Sequence[str],
@@ -69,14 +69,14 @@ def _light(expected: Expectation) -> str:
     return words + f", {expected.blocked:.1%} blocked" * (expected.blocked > SHOWN)
 
 
-def _detail(system: OpticalSystem, expected: Expectation) -> str:
+def _detail(system: System, expected: Expectation) -> str:
     """Return the size of the smallest detail: of a pixel, a knot span or the image of the source."""
     size = max(expected.pixel, expected.net, expected.blur or 0.0)
     unit = "degrees" if system.target.far_field else "mm"
     return f"detail down to {plain_number(size, 2)} {unit} ({plain_number(size / expected.pixel, 2)} px)"
 
 
-def _error(system: OpticalSystem, expected: Expectation) -> str:
+def _error(system: System, expected: Expectation) -> str:
     """Return the rel_l2 to expect; where it cannot be predicted, that of the surface before optimisation."""
     if expected.rel_l2 is None:
         start = expected.start_rel_l2

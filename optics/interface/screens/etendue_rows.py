@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from optics.interface.screens.screen import Entry, Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PERCENT = 100
 SHOWN = 5e-4  # rel_l2: a smaller lower bound says nothing
 
 
 def etendue_screen(
-    system: OpticalSystem, data: Mapping[str, Any], without: str, efficiency: float, out: Path | None
+    system: System, data: Mapping[str, Any], without: str, efficiency: float, out: Path | None
 ) -> Screen:
     """Return the screen of what etendue allows.
 

@@ -27,9 +27,8 @@ from optics.light.tracing import (
 )
 from optics.scene.receivers import Screen, with_mirror_images
 from optics.scene.sources import Rays, mirror_half
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 NEGLIGIBLE = 0.01  # of the light on the target: non-sequential paths that may be left out
 RAYS = (256, 256)  # of a replicate
@@ -61,8 +60,7 @@ class OtherLight:
 
 
 def nonsequential_light(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     screen: Screen,
     backend: Backend,
     replicates: int | None = None,
@@ -78,8 +76,8 @@ def nonsequential_light(
     screens = [screen] if boxes is None else [screen, boxes]
     fates: list[Fates] = []
     within: list[Branches] = []
-    solid, plane = system.solid(lens), TargetArea.of(system.own_path(lens), screen.half_width)
-    axes = light_axes(system, lens)
+    solid, plane = system.solid, TargetArea.of(system.own_path, screen.half_width)
+    axes = light_axes(system)
     copies = 2 ** len(axes)
     number = replicates or REPLICATES
     sets = system.source.replicates(number, RAYS, rng, AT_ONCE)
@@ -87,7 +85,7 @@ def nonsequential_light(
     def trace(count: int) -> OtherLight:
         """All at once: most generations of branches are few, and cost what they cost by their number."""
         parts = [
-            Rays.joined([mirror_half(system.own_rays(part, lens), axes) for part in each])
+            Rays.joined([mirror_half(system.own_rays(part), axes) for part in each])
             for each in islice(sets, count)
         ]
         every = trace_nonsequential(
@@ -95,7 +93,7 @@ def nonsequential_light(
         )
         through, ends = np.isin(every.fate, THROUGH), np.cumsum([0, *(part.flux.size for part in parts)])
         for rays, first, stop in zip(parts, ends, ends[1:]):
-            points, fluxes, direct = _through_front_and_rear(system, lens, screen, rays, backend)
+            points, fluxes, direct = _through_front_and_rear(system, screen, rays, backend)
             own = through & (first <= every.ray) & (every.ray < stop)
             images = [
                 s.binned(every.landings.points[own], every.landings.flux[own]) - s.binned(points, fluxes)
@@ -123,10 +121,10 @@ def nonsequential_light(
 
 
 def _through_front_and_rear(
-    system: OpticalSystem, lens: Lens, screen: Screen, rays: Rays, backend: Backend
+    system: System, screen: Screen, rays: Rays, backend: Backend
 ) -> tuple[Floats, Floats, SequentialFates]:
     """Return where rays land by the direct way, (n, 2), with which flux, (n,) W, and its fates."""
-    tracer = Tracer(backend, system.own_path(lens), rays)
+    tracer = Tracer(backend, system.own_path, rays)
     landing = tracer.landed()
     direct = tracer.fates(landing, screen.half_width)
     return np.column_stack([landing.x.numpy(), landing.y.numpy()]), landing.flux.numpy(), direct

@@ -26,9 +26,8 @@ from optics.light.tracing import (
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen, receiver_at
 from optics.scene.sources import Rays, single_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 RAYS_AT_ONCE = 1 << 21
 NONSEQUENTIAL_RAYS = (256, 256)
@@ -40,9 +39,7 @@ CROSSTALK = 3  # stream of random numbers, other than those of the other traces
 CROSSTALK_RAYS, REPLICATES = (64, 64), 4
 
 
-def sequential(
-    system: OpticalSystem, lens: Lens, backend: Backend, rays: int
-) -> tuple[Floats, SequentialFates, dict[str, int]]:
+def sequential(system: System, backend: Backend, rays: int) -> tuple[Floats, SequentialFates, dict[str, int]]:
     """Trace rays x rays rays and measure them with box pixels: so many of each lens of a plate, at every
     wavelength.
 
@@ -52,7 +49,7 @@ def sequential(
     splat = Splat(backend, screen, BoxWindow())
 
     def traced(
-        system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend
+        system: System, path: LightPath, screen: Screen, backend: Backend
     ) -> tuple[LightEstimate, SequentialFates]:
         image, fates = np.zeros(screen.pixels[0] * screen.pixels[1]), list[SequentialFates]()
         parts = system.source.parts((rays, rays), None, RAYS_AT_ONCE)
@@ -64,36 +61,34 @@ def sequential(
         every, irradiance = reduce(add, fates), image.reshape(screen.shape, order="F")
         return LightEstimate.exact(Light.of([irradiance], every.on_target, every.off_target)), every
 
-    light = light_of_plate(system, system.shaded_path(lens), screen, backend, traced)
+    light = light_of_plate(system, system.shaded_path, screen, backend, traced)
     numbers = {name: sum(c.get(name, 0) for c in counts) for name in reduce(or_, counts)}
     return light.estimate.irradiance, light.fates, numbers
 
 
-def sequential_metrics(
-    system: OpticalSystem, lens: Lens, fates: SequentialFates, counts: dict[str, int]
-) -> dict[str, Any]:
+def sequential_metrics(system: System, fates: SequentialFates, counts: dict[str, int]) -> dict[str, Any]:
     """Return the metrics of a trace by `sequential`, by name."""
     return {
         "rays": sum(counts.values()),
         "counts": counts,
         system.units.key("fates"): fates.by_name,
         "efficiency": fates.on_target / system.problem.flux,
-        **passing_share(system.path(lens)),
+        **passing_share(system.path),
     }
 
 
-def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, Any]:
+def nonsequential(system: System, backend: Backend) -> dict[str, Any]:
     """Return the fates of the light in the closed lens.
 
     `by_other_ways` is the fraction of the light on the target, through the lens, that did not pass front and
     rear once each.
     """
-    rays = system.own_rays(system.source.rays(NONSEQUENTIAL_RAYS), lens)
+    rays = system.own_rays(system.source.rays(NONSEQUENTIAL_RAYS))
     hx, hy = half_width = system.target.settings.half_width
-    plane = TargetArea.of(system.own_path(lens), half_width)
+    plane = TargetArea.of(system.own_path, half_width)
     result = trace_nonsequential(
         backend,
-        system.solid(lens),
+        system.solid,
         rays,
         plane,
     )
@@ -108,7 +103,7 @@ def nonsequential(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[s
     }
 
 
-def crosstalk(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
+def crosstalk(system: System, backend: Backend) -> dict[str, float]:
     """Return the light of the source in the middle of a plate that other lenses take on, of its flux.
 
     All its ways through the whole plate are traced, to a plane behind it: `crosstalk` goes forward and last
@@ -117,10 +112,9 @@ def crosstalk(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, 
 
     backend : of double precision.
     """
-    plane = TargetArea.of(
-        system.path(lens).onto(receiver_at(plane_behind(system, lens))), lens.rear.half_width
-    )
-    rng, solid, found = np.random.default_rng((system.problem.run.seed, CROSSTALK)), system.made(lens), []
+    lens = system.designed
+    plane = TargetArea.of(system.path.onto(receiver_at(plane_behind(system))), lens.rear.half_width)
+    rng, solid, found = np.random.default_rng((system.problem.run.seed, CROSSTALK)), system.made, []
     for _ in range(REPLICATES):
         rays = single_rays(system.source.rays(CROSSTALK_RAYS, rng), lens)
         every = trace_nonsequential(backend, solid, rays, plane, threshold=ROULETTE, roulette=rng).fates
@@ -146,11 +140,12 @@ def crosstalk_line(metrics: dict[str, Any]) -> list[str]:
     ]
 
 
-def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, float]:
+def conservation(system: System, backend: Backend) -> dict[str, float]:
     """Return how far the determinant of the map from source to target in phase space is from 1.
 
     `rays` counts those that arrive, over which `median` and `most` are taken.
     """
+    lens = system.designed
     rays, source = single_rays(system.source.rays(SAMPLES), lens), system.problem.source
     size = max(source.half_width) or source.distance
     determinants = jacobian_determinants(
@@ -159,7 +154,7 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
         source_points(rays),
         (size, size, 0.1, 0.1),
         float(rays.origin[2, 0]),
-        plane_behind(system, lens),
+        plane_behind(system),
     )
     off = np.abs(determinants[np.isfinite(determinants)] - 1)
     return {
@@ -169,21 +164,22 @@ def conservation(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[st
     }
 
 
-def plane_behind(system: OpticalSystem, lens: Lens) -> float:
+def plane_behind(system: System) -> float:
     """Return z of a target plane across the axis; else that of a plane one thickness behind the lens, mm."""
-    return float(system.target.receiver.pose.shift[2]) if _across(system) else 2 * lens.thickness
+    return float(system.target.receiver.pose.shift[2]) if _across(system) else 2 * system.designed.thickness
 
 
-def _across(system: OpticalSystem) -> bool:
+def _across(system: System) -> bool:
     """Return whether the target is a plane across the axis."""
     return system.axial and not system.target.far_field
 
 
-def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
+def sections(system: System, backend: Backend) -> dict[str, tuple[PhaseSpace, float]]:
     """Return rays of the source with x = 0 and p = 0 in phase space, by the name of a plane.
 
     With them comes the greatest |y| to show there, mm.
     """
+    lens = system.designed
     source, collimated, target = system.problem.source, system.source.collimated, system.target
     behind = 2 * lens.thickness
     size = source.half_width[1] or 1.0
@@ -201,21 +197,21 @@ def sections(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, t
     }
     if _across(system):
         planes["target"] = (
-            at_target(backend, lens, points, start, plane_behind(system, lens)),
+            at_target(backend, lens, points, start, plane_behind(system)),
             1.1 * target.settings.half_width[1],
         )
     return planes
 
 
-def fans(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, list[RayPath]]:
+def fans(system: System, backend: Backend) -> dict[str, list[RayPath]]:
     """Return the paths of two fans of rays from the source's centre in the plane x = 0.
 
     One has equal steps of the angle, the other of its sine.
     """
     source = system.problem.source
     widest = np.radians(source.half_angle) * WIDEST
-    solid = system.solid(lens)
-    area, out = TargetArea.of(system.path(lens), system.target.settings.half_width), {}
+    solid = system.solid
+    area, out = TargetArea.of(system.path, system.target.settings.half_width), {}
     for name, sine in (
         ("equal angles", np.sin(np.linspace(-widest, widest, FAN))),
         ("equal steps of the sine", np.linspace(-1, 1, FAN) * np.sin(widest)),

@@ -31,8 +31,7 @@ from optics.light.measuring import light_axes
 from optics.light.tracing import SequentialFates
 from optics.scene.problem import Optic
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 ESTIMATES = {"cells": grid_irradiance, "beams": beam_irradiance}
 WORTH = 1e-4  # of the light on the target along the path: less light past elements is not followed
@@ -71,8 +70,7 @@ class PastLight:
 
 
 def light_past_elements(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     fates: SequentialFates,
     screen: Screen,
     backend: Backend,
@@ -95,7 +93,7 @@ def light_past_elements(
     known, lights, missed_on_target = set(todo), list[LightEstimate](), set[int]()
     while todo:
         missed = todo.pop()
-        light, found = _light_past(system, lens, missed, screens, backend, least)
+        light, found = _light_past(system, missed, screens, backend, least)
         lights.append(light)
         if light.on_target > least:
             missed_on_target |= missed
@@ -108,7 +106,7 @@ def light_past_elements(
 
 
 def _missed_elements(
-    system: OpticalSystem, fates: SequentialFates, missed: Collection[int], least: float
+    system: System, fates: SequentialFates, missed: Collection[int], least: float
 ) -> set[int]:
     """Return the numbers of elements that more than `least` of the light, W, misses before it meets them.
 
@@ -122,19 +120,14 @@ def _missed_elements(
     }
 
 
-def _owners(system: OpticalSystem) -> list[int]:
+def _owners(system: System) -> list[int]:
     """Return the number of the element that each face along the path belongs to."""
     number = {id(optic): k for k, optic in enumerate(system.problem.optics)}
     return [number[id(face.optic)] for face in system.problem.faces_met]
 
 
 def _light_past(
-    system: OpticalSystem,
-    lens: Lens,
-    missed: Collection[int],
-    screens: Sequence[Screen],
-    backend: Backend,
-    least: float,
+    system: System, missed: Collection[int], screens: Sequence[Screen], backend: Backend, least: float
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (light past some elements, its mean flux by fate).
 
@@ -142,7 +135,7 @@ def _light_past(
     """
     faces = [k for k, owner in enumerate(_owners(system)) if owner in missed]
     rough = [rms for k, rms in enumerate(system.slope_rms) if k not in faces]
-    whole = system.crowded_path(lens)
+    whole = system.crowded_path
     ways = [(share, way.past(faces)) for share, way in coloured(system, whole)]
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
 
@@ -201,19 +194,14 @@ class AllLight:
 
 
 def all_light(
-    system: OpticalSystem,
-    lens: Lens,
-    screen: Screen,
-    backend: Backend,
-    more: float = 1.0,
-    boxes: Screen | None = None,
+    system: System, screen: Screen, backend: Backend, more: float = 1.0, boxes: Screen | None = None
 ) -> AllLight:
     """Return the light of a lens by all ways.
 
     more : times the usual rays.  boxes : a second screen, on which the same light is measured.
     """
-    path = system.shaded_path(lens)
-    estimate = partial(estimate_of(estimator_of(system), system, lens), boxes=boxes)
+    path = system.shaded_path
+    estimate = partial(estimate_of(estimator_of(system), system), boxes=boxes)
     rays = ray_count(screen)
     if more > 1:
         rays = max(rays, min(int(more * rays), MOST_RAYS))
@@ -223,20 +211,18 @@ def all_light(
     beside = system.body is not None or direct.fates.missed_rear > NEGLIGIBLE * system.problem.flux
     by_edges = system.by_edges and (not system.source.collimated or beside)
     replicates = ceil(more) * REPLICATES
-    other = nonsequential_light(system, lens, screen, backend, replicates, boxes) if by_edges else None
-    past = light_past_elements(system, lens, direct.fates, screen, backend, boxes)
+    other = nonsequential_light(system, screen, backend, replicates, boxes) if by_edges else None
+    past = light_past_elements(system, direct.fates, screen, backend, boxes)
     return AllLight(direct, other, past, rays)
 
 
-def estimate_of(
-    estimator: str, system: OpticalSystem, lens: Lens
-) -> Callable[..., tuple[LightEstimate, SequentialFates]]:
+def estimate_of(estimator: str, system: System) -> Callable[..., tuple[LightEstimate, SequentialFates]]:
     """Return how the light of a lens is estimated; of symmetric light half of the rays do."""
     if estimator == "rays":
-        return partial(ray_irradiance, axes=light_axes(system, lens))
+        return partial(ray_irradiance, axes=light_axes(system))
     return ESTIMATES[estimator]
 
 
-def estimator_of(system: OpticalSystem) -> str:
+def estimator_of(system: System) -> str:
     """Return how light is measured: by beams of cells for all that blurs it, or by rays."""
     return "beams" if system.blurred else "rays" if system.source.extended else "cells"

@@ -31,7 +31,7 @@ from optics.light.blur import Blur, LandingShifts, blur_of
 from optics.light.tracing import SequentialFates
 from optics.scene.paths import LightPath, SlopeErrors
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 # samples of a replicate: of one quantity that spreads a sunflower, which is turned by quarters so that
@@ -50,7 +50,7 @@ GOLDEN = pi * (3 - sqrt(5))  # angle between neighbours of a sunflower
 
 
 def beam_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
+    system: System, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (irradiance along a path, W/mm^2, flux by fate).
 
@@ -125,7 +125,7 @@ class _Rest:
     screen: Screen
 
     @classmethod
-    def of(cls, system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend) -> _Rest:
+    def of(cls, system: System, path: LightPath, screen: Screen, backend: Backend) -> _Rest:
         blur = blur_of(system, path, backend)
         wide = blur.widened(screen).finer(FINER)
         many = [max(LEAST_CELLS, SHARP_CELLS_PER_PIXEL * n) for n in screen.pixels]
@@ -166,7 +166,7 @@ def _disk_points(disks: int, rng: np.random.Generator) -> Floats:
     return np.stack([within.ravel(), angle.ravel()], axis=1)[:, None, :]
 
 
-def _sample(system: OpticalSystem, points: dict[int, Floats]) -> _Sample:
+def _sample(system: System, points: dict[int, Floats]) -> _Sample:
     """Return the sample of points on the disks of beam (0) and of the slopes of front (1) and rear (2)."""
     errors = [
         rms * sqrt(-2 * log1p(-points[k][0])) * np.array([[cos(points[k][1])], [sin(points[k][1])]])

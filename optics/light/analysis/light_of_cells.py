@@ -33,7 +33,7 @@ from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.receivers import BoxWindow, Screen
 from optics.scene.sources import RayGrid, Rays, SourceCells, corner_flux
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import EPS, Bools, Floats
 
 CORNERS_AT_ONCE = 1 << 19  # more only take more memory
@@ -122,7 +122,7 @@ class _CellTracer:
 
 
 def grid_irradiance(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
+    system: System, path: LightPath, screen: Screen, backend: Backend, boxes: Screen | None = None
 ) -> tuple[LightEstimate, SequentialFates]:
     """Return (extrapolated irradiance along a path, flux by fate of the finest grid).
 

@@ -21,7 +21,7 @@ from optics.scene.paths import LightPath
 from optics.scene.problem import MAX_PIXELS
 from optics.scene.receivers import BoxWindow, Screen, with_mirror_images
 from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 RAYS_PER_PIXEL = 240  # of all replicates together
@@ -30,7 +30,7 @@ RAYS_AT_ONCE = 1 << 19  # more only take more memory
 
 
 def ray_irradiance(
-    system: OpticalSystem,
+    system: System,
     path: LightPath,
     screen: Screen,
     backend: Backend,

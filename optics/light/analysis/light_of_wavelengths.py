@@ -16,12 +16,10 @@ from optics.light.tracing import SequentialFates, Tracer
 from optics.scene.paths import LightPath
 from optics.scene.photometry import chromaticity_distance, spectral_lines, white_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
-Estimate = Callable[
-    ["OpticalSystem", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]
-]
+Estimate = Callable[["System", "LightPath", "Screen", "Backend"], tuple[LightEstimate, "SequentialFates"]]
 
 BLUE, RED = 450.0, 650.0  # nm, between which the shift of colours is told
 SHIFT_RAYS = (65, 65)
@@ -42,7 +40,7 @@ class SpectralLight:
 
 
 def light_of_plate(
-    system: OpticalSystem,
+    system: System,
     path: LightPath,
     screen: Screen,
     backend: Backend,
@@ -68,7 +66,7 @@ def light_of_plate(
     return SpectralLight(mean, fates, np.mean(colours, axis=0) if colours else None)
 
 
-def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightPath]]:
+def coloured(system: System, path: LightPath) -> list[tuple[float, LightPath]]:
     """Return (share of the flux, path) of every wavelength at which light is measured."""
     if not system.spectral:
         return [(1.0, path)]
@@ -76,7 +74,7 @@ def coloured(system: OpticalSystem, path: LightPath) -> list[tuple[float, LightP
 
 
 def spectral_light(
-    system: OpticalSystem, path: LightPath, screen: Screen, backend: Backend, estimate: Estimate
+    system: System, path: LightPath, screen: Screen, backend: Backend, estimate: Estimate
 ) -> SpectralLight:
     """Return the light along a path in all of the source's wavelengths.
 
@@ -99,7 +97,7 @@ def spectral_light(
 
 
 def colour_metrics(
-    system: OpticalSystem, path: LightPath, colour: Floats, screen: Screen, backend: Backend
+    system: System, path: LightPath, colour: Floats, screen: Screen, backend: Backend
 ) -> dict[str, Any]:
     """Return how far a path takes colours apart.
 
@@ -131,7 +129,7 @@ def colour_metrics(
     }
 
 
-def fringe(system: OpticalSystem, colour: Floats) -> Floats:
+def fringe(system: System, colour: Floats) -> Floats:
     """Return the distance of pixels' chromaticity from the source's in (u', v'), (rows, columns).
 
     It is NaN in the dark.  colour : (3, rows, columns).

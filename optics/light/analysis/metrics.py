@@ -43,9 +43,8 @@ from optics.light.blur import spot_rms
 from optics.scene.paths import LightPath
 from optics.scene.problem import Verify
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 METRICS_VERSION = 2  # of the numbers in metrics.json; results without one are of the first
 MOST_MORE = 4.0  # times the usual rays, which a measurement takes to decide on a limit
@@ -88,7 +87,7 @@ class Measurement:
         return replace(self, **{n: unit * light for n, light in lights.items() if light is not None})
 
 
-def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
+def measure(system: System, backend: Backend) -> Measurement:
     """Return the Measurement of a lens.  backend : of double precision.
 
     The light of a plate is that of all its sources.  Light by non-sequential paths is part of it where it is
@@ -96,12 +95,12 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     of light through front and rear alone.  Errors come from replicates, see `LightEstimate`.
     """
     system = system.with_all_sources
-    screen, path, estimator = system.target.screen(), system.shaded_path(lens), estimator_of(system)
-    blur = spot_rms(system, lens, backend) if system.target.uniform_region is not None else 0.0
+    screen, path, estimator = system.target.screen(), system.shaded_path, estimator_of(system)
+    blur = spot_rms(system, backend) if system.target.uniform_region is not None else 0.0
     boxes, shown = box_screen(system), screen.projection()  # in the far field intensities are compared
-    found = all_light(system, lens, screen, backend, boxes=boxes)
+    found = all_light(system, screen, backend, boxes=boxes)
     if (more := _more_rays(system, found, screen, boxes, blur)) > 1:
-        found = all_light(system, lens, screen, backend, more, boxes)
+        found = all_light(system, screen, backend, more, boxes)
     light, direct, fates = found.light, found.direct.estimate, found.direct.fates
     seen = per_area(light, screen, boxes)
     # a target at any scale is compared, also with no light
@@ -131,7 +130,7 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
     metrics["stray"] = max(stray, 0.0) / flux
     metrics["stray_error"] = stray_error / flux
     metrics |= photometric_metrics(system, screen, seen, blur)
-    metrics |= _zones(system, path, lens, light, found.added, backend)
+    metrics |= _zones(system, path, light, found.added, backend)
     metrics |= polarisation_change(system, path, backend)
     metrics[system.units.key("fates")] = fates.by_name
     if found.past and found.past.missed:
@@ -145,16 +144,14 @@ def measure(system: OpticalSystem, lens: Lens, backend: Backend) -> Measurement:
         metrics["rel_l2_sharp"] = rel_l2(sharp, target)
     if found.direct.colour is not None:
         colour = found.direct.colour / shown
-        estimate = estimate_of(estimator, system, lens)
+        estimate = estimate_of(estimator, system)
         one = light_of_plate(system, path, screen, backend, estimate, alone=True)
         metrics["rel_l2_design_wavelength"] = rel_l2(one.estimate.irradiance / shown, target)
         metrics["colour"] = colour_metrics(system, path, colour, screen, backend)
     return Measurement(irradiance, target, metrics, sharp, colour)
 
 
-def _more_rays(
-    system: OpticalSystem, found: AllLight, screen: Screen, boxes: Screen | None, blur: float
-) -> float:
+def _more_rays(system: System, found: AllLight, screen: Screen, boxes: Screen | None, blur: float) -> float:
     """Return how many times the rays decide on the limits of uniformity; 1 where these do or where that takes
     more than MOST_MORE times."""
     if boxes is None or estimator_of(system) != "rays" or system.source.most_rays <= found.rays:
@@ -165,9 +162,8 @@ def _more_rays(
 
 
 def _zones(
-    system: OpticalSystem,
+    system: System,
     path: LightPath,
-    lens: Lens,
     light: LightEstimate,
     added: Sequence[LightEstimate],
     backend: Backend,
@@ -178,10 +174,10 @@ def _zones(
     light : on the target's pixels.  added : of it, what came by other ways than along the path.
     """
     screen, fine, estimator = system.target.screen(), system.target.zone_screen, estimator_of(system)
-    if fine != screen and estimator == "beams" and spot_rms(system, lens, backend) > max(screen.pitch):
+    if fine != screen and estimator == "beams" and spot_rms(system, backend) > max(screen.pitch):
         fine = screen
     if fine != screen:
-        estimate = estimate_of(estimator, system, lens)
+        estimate = estimate_of(estimator, system)
         if estimator == "rays":  # as many in an aperture as in a pixel
             count = int(ray_count(fine) * (max(fine.pitch) / system.target.aperture) ** 2)
             estimate = partial(estimate, count=max(count, ray_count(screen)))
@@ -191,7 +187,7 @@ def _zones(
 
 
 def _by_other_ways(
-    system: OpticalSystem, screen: Screen, target: Floats, direct: LightEstimate, other: OtherLight
+    system: System, screen: Screen, target: Floats, direct: LightEstimate, other: OtherLight
 ) -> dict[str, Any]:
     """Return what light by other ways than front and rear brings, by name."""
     key, lit = system.units.key, _lit(direct.irradiance, target, screen)
@@ -204,10 +200,10 @@ def _by_other_ways(
     }
 
 
-def fresh_light(system: OpticalSystem, lens: Lens, backend: Backend) -> Floats:
+def fresh_light(system: System, backend: Backend) -> Floats:
     """Return the light of a lens along its path alone, as that of a Measurement, (rows, columns)."""
-    screen, path = system.target.screen(), system.shaded_path(lens)
-    light = spectral_light(system, path, screen, backend, estimate_of(estimator_of(system), system, lens))
+    screen, path = system.target.screen(), system.shaded_path
+    light = spectral_light(system, path, screen, backend, estimate_of(estimator_of(system), system))
     return light.estimate.irradiance / screen.projection()
 
 
@@ -263,7 +259,7 @@ def contrast_error(metrics: dict[str, Any], target: Floats) -> dict[str, float |
     }
 
 
-def delivered(system: OpticalSystem, light: LightEstimate, blur: float) -> dict[str, Any]:
+def delivered(system: System, light: LightEstimate, blur: float) -> dict[str, Any]:
     """Return the metrics that the verdict needs.
 
     light : flux per du dv on the target's pixels and boxes.  blur : see `optics.light.blur.spot_rms`.

@@ -16,7 +16,7 @@ from optics.light.tracing import Tracer, normal_incidence_transmittance, polaris
 from optics.scene.paths import LightPath
 from optics.scene.photometry import BEAM, FIELD, BoxGrid, Density, Uniformity, Units, edge_width, plane_curves
 from optics.scene.receivers import FarField, Plane, Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 KILO = 1000  # lumens, to which cd/klm refers
@@ -27,7 +27,7 @@ POLARISED_RAYS, POLARISED_STREAM, POLARISED = (65, 65), 4, 0.001
 JUDGED = *(name + end for name in RATIOS for end in ("", "_error")), "noise", "reason"
 
 
-def box_screen(system: OpticalSystem) -> Screen | None:
+def box_screen(system: System) -> Screen | None:
     """Return the boxes on which uniformity is judged, as pixels of a screen; None of other light."""
     return system.target.box_screen(system.problem.verify.grid)
 
@@ -44,9 +44,7 @@ def per_area(light: LightEstimate, screen: Screen, boxes: Screen | None = None) 
     return light.over(screen.projection(), areas)
 
 
-def photometric_metrics(
-    system: OpticalSystem, screen: Screen, light: LightEstimate, blur: float
-) -> dict[str, Any]:
+def photometric_metrics(system: System, screen: Screen, light: LightEstimate, blur: float) -> dict[str, Any]:
     """Return the mean light on a target plane or the beam of a far field, and how uniform even light is.
 
     light : see `per_area`, on pixels and boxes.  blur : see `optics.light.blur.spot_rms`.
@@ -62,7 +60,7 @@ def photometric_metrics(
     return found
 
 
-def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) -> dict[str, Any]:
+def zone_metrics(system: System, screen: Screen, light: LightEstimate) -> dict[str, Any]:
     """Return what the light is in every row of the target's zones, nothing where it has none.
 
     light : as of `photometric_metrics`, on the screen's pixels.
@@ -88,7 +86,7 @@ def zone_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) ->
     return {"zones": found} if found else {}
 
 
-def uniformity_metrics(system: OpticalSystem, light: LightEstimate, blur: float) -> dict[str, Any]:
+def uniformity_metrics(system: System, light: LightEstimate, blur: float) -> dict[str, Any]:
     """Return how uniform light is on the region of a target that asks for the same everywhere, by name.
 
     light, blur : as of `photometric_metrics`.
@@ -115,7 +113,7 @@ def uniformity_metrics(system: OpticalSystem, light: LightEstimate, blur: float)
     }
 
 
-def uniformity_of_pixels(system: OpticalSystem, image: Floats, screen: Screen, blur: float) -> Uniformity:
+def uniformity_of_pixels(system: System, image: Floats, screen: Screen, blur: float) -> Uniformity:
     """Return how uniform an image is that is known on pixels alone, as if it were even within each.
 
     image : per area, (rows, columns) of a screen.  blur : as of `photometric_metrics`.
@@ -126,7 +124,7 @@ def uniformity_of_pixels(system: OpticalSystem, image: Floats, screen: Screen, b
     return BoxGrid(region, boxes.pixels[0], blur).uniformity(boxes.means_of(image, screen)[None])
 
 
-def beam_metrics(system: OpticalSystem, screen: Screen, light: LightEstimate) -> dict[str, float | None]:
+def beam_metrics(system: System, screen: Screen, light: LightEstimate) -> dict[str, float | None]:
     """Return peak intensity, beam angle and field angle, see `PlaneCurve.width`, and the errors of angles.
 
     Where light goes on beyond the target, the angle within the target takes the place of the error.
@@ -224,7 +222,7 @@ def passing_words(metrics: Mapping[str, Any]) -> str:
     return f"two uncoated faces at normal incidence pass {metrics['normal_incidence_transmittance']:.1%}"
 
 
-def polarisation_change(system: OpticalSystem, path: LightPath, backend: Backend) -> dict[str, float]:
+def polarisation_change(system: System, path: LightPath, backend: Backend) -> dict[str, float]:
     """Return the relative change of the flux on the target, F / F_mean - 1, as `polarisation_change`.
 
     F_mean is the flux with the mean of s and p at every face, which the optimiser takes.  The dictionary is

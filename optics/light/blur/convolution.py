@@ -29,7 +29,7 @@ from optics.light.blur.spot_matrices import LandingShifts, landing_shifts
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
 from optics.scene.sources import Divergence
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 SIGMAS = 3.0  # of Gaussian errors, that a spot reaches: a hundredth of its light lies beyond
@@ -244,7 +244,7 @@ def _size(matrix: Floats) -> float:
     return sqrt(abs(np.linalg.det(matrix)))
 
 
-def blur_of(system: OpticalSystem, path: LightPath, backend: Backend) -> Blur:
-    """Return the Blur of a path through the lens of a system that blurs, see `OpticalSystem.blurred`."""
+def blur_of(system: System, path: LightPath, backend: Backend) -> Blur:
+    """Return the Blur of a path through the lens of a system that blurs, see `System.blurred`."""
     spread = system.source.spread if system.source.diverging else None
     return Blur(spread, system.slope_rms, landing_shifts(system.sharp, path, backend))

@@ -19,7 +19,7 @@ from optics.base.runtime import Backend, UserError
 from optics.light.blur.convolution import MOST_AROUND, BlurOnto, blur_of
 from optics.scene.paths import LightPath
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 # times as many parts of a pixel as for a smooth spot: pictures keep their borders (a top hat by six lenses,
@@ -61,7 +61,7 @@ class Displacements:
     y: Floats
 
     @classmethod
-    def of(cls, system: OpticalSystem) -> Displacements:
+    def of(cls, system: System) -> Displacements:
         """Return those that the light of a system has on its target: one lens, or the far field, has none."""
         return cls(*system.columns_and_rows)
 
@@ -125,7 +125,7 @@ class Displacements:
         return self.x / screen.pitch[0], self.y / screen.pitch[1]
 
 
-def spreads_of(system: OpticalSystem, path: LightPath, backend: Backend) -> list[Spread]:
+def spreads_of(system: System, path: LightPath, backend: Backend) -> list[Spread]:
     """Return what spreads the light of a path through a lens, from the target back: what is asked for is what
     the first makes of what the next makes of sharp light."""
     of_plate: list[Spread] = [Displacements.of(system)] if system.displaced else []

@@ -18,7 +18,6 @@ at 0.110.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import ceil
 
 import numpy as np
@@ -26,9 +25,8 @@ import numpy as np
 from optics.base.runtime import Backend
 from optics.light.blur.displacements import Spread, spreads_of
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 PEAK = 3.0  # of the brightest pixel: without a limit a few pixels would be 25 times as bright as the mean
 LOST = 0.01  # costs 1 % of rel_l2 and brings 5 % of the flux to the target that would miss it
@@ -36,15 +34,15 @@ FARTHEST = 64  # pixels that a blur reaches: for wider ones pixels are merged
 STEPS = 200  # rel_l2 of the blurred light then falls by less than 1e-3 of itself
 
 
-def aimed(system: OpticalSystem, lens: Lens, backend: Backend) -> OpticalSystem:
+def aimed(system: System, backend: Backend) -> System:
     """Return the sharp system that stands for a blurred one, or for a plate, with its aim for the blur of a
     lens; another one as it is."""
     if system.shaping is system:
         return system
-    return aimed_through(system, spreads_of(system, system.path(lens), backend))
+    return aimed_through(system, spreads_of(system, system.path, backend))
 
 
-def aimed_through(system: OpticalSystem, spreads: Sequence[Spread]) -> OpticalSystem:
+def aimed_through(system: System, spreads: Sequence[Spread]) -> System:
     """Return the sharp system that stands for a blurred one, or for a plate, with the aim for known spreads.
 
     Raises UserError : see `Blur.widened`; before any work is done, and where the design would be measured.
@@ -57,7 +55,7 @@ def aimed_through(system: OpticalSystem, spreads: Sequence[Spread]) -> OpticalSy
     light = target.irradiance(screen, 1.0)
     for spread in spreads:
         screen, light = aimed_light(spread, screen, light)
-    return replace(system.sharp, aim=target.of_light(screen, light))
+    return system.sharp.with_prescription(aim=target.of_light(screen, light))
 
 
 def aimed_light(blur: Spread, screen: Screen, target: Floats) -> tuple[Screen, Floats]:

@@ -11,9 +11,8 @@ from optics.base.runtime import Backend
 from optics.light.blur.convolution import blur_of
 from optics.light.tracing import Tracer
 from optics.scene.sources import LightSource
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Bools, Floats, Integers
-from thbcad.lens import Lens
 
 PATCHES = 16  # in each direction, over the rear
 FEWER_PATCHES = PATCHES, 8, 4, 2  # of which the first are taken that know most of the light
@@ -45,7 +44,7 @@ class PatchImages:
         return float(area[known][order][np.searchsorted(light, fraction * light[-1])])
 
 
-def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
+def spot_rms(system: System, backend: Backend) -> float:
     """Return how far the light of one point of the rear spreads on the target, mm; in the far field degrees.
 
     It is the rms deviation in one direction, of x and y together: sqrt((sx^2 + sy^2) / 2).  Of a source with
@@ -54,13 +53,13 @@ def spot_rms(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
     greatest of any one.  backend : of double precision.
     """
     if system.blurred:
-        return blur_of(system, system.path(lens), backend).rms
+        return blur_of(system, system.path, backend).rms
     extended = [source for source in system.source.each if source.extended]
-    return max((_spot_rms(system, lens, source, backend) for source in extended), default=0.0)
+    return max((_spot_rms(system, source, backend) for source in extended), default=0.0)
 
 
-def _spot_rms(system: OpticalSystem, lens: Lens, source: LightSource, backend: Backend) -> float:
-    images, known = _known_images(system, lens, source, backend)
+def _spot_rms(system: System, source: LightSource, backend: Backend) -> float:
+    images, known = _known_images(system, source, backend)
     if not known.any():
         return 0.0
     deviations, flux = np.sqrt(np.mean(images.width[:, known] ** 2, axis=0)) / EVEN_WIDTH, images.flux[known]
@@ -69,34 +68,31 @@ def _spot_rms(system: OpticalSystem, lens: Lens, source: LightSource, backend: B
     return float(deviations[order][np.searchsorted(light, light[-1] / 2)])
 
 
-def _known_images(
-    system: OpticalSystem, lens: Lens, source: LightSource, backend: Backend
-) -> tuple[PatchImages, Bools]:
+def _known_images(system: System, source: LightSource, backend: Backend) -> tuple[PatchImages, Bools]:
     """Return the images through as many patches as know most of the light, and which of them are known.
 
     A ray file holds few rays, and of a wide source few meet the lens.
     """
     for patches in FEWER_PATCHES:
-        images = patch_images(system, lens, backend, FEWER_RAYS, source, patches)
+        images = patch_images(system, backend, FEWER_RAYS, source, patches)
         known = np.isfinite(images.width).all(axis=0) & (images.flux > 0)
         if images.flux[known].sum() > MOST * images.flux.sum():
             break
     return images, known
 
 
-def spot_width(system: OpticalSystem, lens: Lens, backend: Backend) -> float:
+def spot_width(system: System, backend: Backend) -> float:
     """Return the full width of the light of one point of the rear, mm; in the far field degrees; 0 if sharp.
 
     It is that of `Blur.width`; of an extended source that of an even spot with the deviation of `spot_rms`.
     """
     if system.blurred:
-        return blur_of(system, system.path(lens), backend).width
-    return EVEN_WIDTH * spot_rms(system, lens, backend)
+        return blur_of(system, system.path, backend).width
+    return EVEN_WIDTH * spot_rms(system, backend)
 
 
 def patch_images(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     backend: Backend,
     rays: tuple[int, int] = RAYS,
     source: LightSource | None = None,
@@ -111,7 +107,7 @@ def patch_images(
     position is fitted to the landing points of every patch, weighted by flux, and subtracted; the rest is the
     image.
     """
-    path = system.path(lens)
+    path = system.path
     tracer, last = Tracer(backend, path, (source or system.source).rays(rays)), len(path.surfaces) - 1
     with backend.dr.suspend_grad():
         hits, _, _ = tracer.at(last)

@@ -26,7 +26,7 @@ from optics.light.refraction import ShapedSurface
 from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.sources import corner_flux
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 
 CELLS = 64  # of the source in each direction: the way to the target varies slowly
@@ -58,7 +58,7 @@ class _Rear:
     flux: Floats
 
 
-def landing_shifts(system: OpticalSystem, path: LightPath, backend: Backend) -> LandingShifts:
+def landing_shifts(system: System, path: LightPath, backend: Backend) -> LandingShifts:
     """Return the LandingShifts of a path through a lens, or by a mirror.
 
     system : without blur, of a source without extent.

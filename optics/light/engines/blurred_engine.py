@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from optics.light.blur import BlurOnto, Spread
 from optics.light.engines.light_model import Engine, Film, Light, LightModel
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.splines import KnotVector
 
 FINEST = 4  # parts of a pixel in each direction: more cost memory, and no design became better by them
@@ -29,7 +28,7 @@ class BlurredEngine:
     sharp: Engine
     blur: Spread
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> BlurredModel:
+    def model(self, system: System, film: Film) -> BlurredModel:
         """Return the light model of a sharp system, see `Engine`.
 
         An even border of blurred light needs sharp light beside the target, as far as the blur reaches.  So
@@ -41,7 +40,7 @@ class BlurredEngine:
         parts, seen = self.blur.parts(narrow, FINEST), 0 if isinstance(self.sharp, BlurredEngine) else margin
         blurred = self.blur.onto(narrow, parts, seen)  # blurred light that is displaced has no margin either
         wide = replace(blurred.wide, margin=parts * margin)
-        model = self.sharp.model(system, lens, replace(film, screen=wide))
+        model = self.sharp.model(system, replace(film, screen=wide))
         return BlurredModel(model, blurred, narrow)
 
 

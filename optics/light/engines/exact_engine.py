@@ -14,8 +14,7 @@ from optics.light.measuring import MappedCells
 from optics.light.tracing import Tracer
 from optics.scene.receivers import Window
 from optics.scene.sources import LightSource, RayGrid, Rays, mirror_half
-from optics.scene.system import OpticalSystem
-from thbcad.lens import Lens
+from optics.scene.system import System
 
 SOFT_RIM = 0.02  # of the half-width: where rays count less and less
 FAR = 100.0  # half-widths: from there single precision moves meeting points by 1e-5 of them
@@ -55,15 +54,15 @@ class ExactEngine:
     drawn: DrawnRays = field(default_factory=DrawnRays, repr=False)
     of_drawn: Backend | None = None
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> TracedModel:
+    def model(self, system: System, film: Film) -> TracedModel:
         """Return the light model of a system with the meshes of a lens, see `Engine`."""
-        rays, window, mirrors = measured_rays(self.backend, system, lens, film, self.drawn)
-        path = system.path(lens).with_soft_rims(self.soft_rim)
+        rays, window, mirrors = measured_rays(self.backend, system, film, self.drawn)
+        path = system.path.with_soft_rims(self.soft_rim)
         if not system.problem.optimizer.fresnel:
             path = path.without_reflection()
         backend = self.backend
         if self.of_drawn and film.window is not None and system.source.extended and isinstance(rays, Rays):
-            near = np.abs(rays.origin).max() < FAR * max(lens.front.half_width)
+            near = np.abs(rays.origin).max() < FAR * max(system.designed.front.half_width)
             backend = self.of_drawn if near else backend
         tracer = Tracer(backend, path, rays, proven=False, polarised=False)
         light = float(rays.flux.sum())
@@ -71,12 +70,13 @@ class ExactEngine:
 
 
 def measured_rays(
-    backend: Backend, system: OpticalSystem, lens: Lens, film: Film, drawn: DrawnRays
+    backend: Backend, system: System, film: Film, drawn: DrawnRays
 ) -> tuple[RayGrid | Rays, Window | MappedCells, Sequence[int]]:
     """Return the rays for a film, how they are measured, and in which directions they are one half.
 
     Cells of light that stays parallel up to the rear end at its rim, so that no cell is cut.
     """
+    lens = system.designed
     if film.window is None:
         front, rear = (s.half_width for s in (lens.front, lens.rear))
         lit = [min(pair) for pair in zip(front, rear)] if system.parallel else front

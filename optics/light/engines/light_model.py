@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from optics.scene.receivers import Screen, Window
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.splines import KnotVector
 
 
@@ -96,6 +95,6 @@ class LightModel(Protocol):
 class Engine(Protocol):
     """What makes light models of lenses."""
 
-    def model(self, system: OpticalSystem, lens: Lens, film: Film) -> LightModel:
+    def model(self, system: System, film: Film) -> LightModel:
         """Return the LightModel of a system with the meshes of a lens."""
         ...

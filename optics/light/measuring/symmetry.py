@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from optics.scene.sources import Profile
-from optics.scene.system import OpticalSystem, pose_of
+from optics.scene.system import System, pose_of
 from thbcad.checks import Floats, Integers
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import Lens
 from thbcad.surfaces import THBSurface
 
 TOLERANCE = 1e-12  # of the greatest value
@@ -37,7 +36,7 @@ def _is_mirrored(image: Floats) -> bool:
     return all(np.abs(strip - strip[:, ::-1]).max() <= least for strip in strips)
 
 
-def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
+def symmetry_axes(system: System) -> tuple[int, ...]:
     """Return the directions in which source, elements, stops, receiver and target are their own mirror
     images."""
     if not system.source.symmetric:
@@ -48,18 +47,18 @@ def symmetry_axes(system: OpticalSystem) -> tuple[int, ...]:
     return tuple(axis for axis in axes if all(axis in pose.mirror_axes for pose in poses))
 
 
-def light_axes(system: OpticalSystem, lens: Lens) -> tuple[int, ...]:
+def light_axes(system: System) -> tuple[int, ...]:
     """Return the directions in which the light of a lens is its own mirror image, and so are the source's
     rays, see `mirror_half`: none where chance, or what a script or a body brings, is not.
 
-    lens : the designed element; its sags and those of all others are their own mirror images bit for bit.
+    The sags of all elements are their own mirror images bit for bit.
     """
     scripted = system.own.source is not None or system.own.receiver is not None
     made = system.body is not None or system.problem.optic.array is not None
     if scripted or made or any(system.slope_rms) or not system.source.extended:
         return ()
     axes = symmetry_axes(system)
-    return tuple(axis for axis in axes if all(_is_symmetric(sag, axis) for sag in system.sags(lens)))
+    return tuple(axis for axis in axes if all(_is_symmetric(sag, axis) for sag in system.sags))
 
 
 def _is_symmetric(sag: THBSurface, axis: int) -> bool:

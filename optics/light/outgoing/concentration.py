@@ -28,9 +28,8 @@ from scipy.optimize import minimize_scalar
 
 from optics.base.runtime import Backend
 from optics.light.outgoing.straight_light import StraightLight, straight_light
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats, Integers
-from thbcad.lens import Lens
 
 SMALLEST_DISK = 1.0  # mm: heat spreads from smaller ones before paper or wood burns
 CELLS = 512  # of sharp light in each direction; their square is the number of rays of other light
@@ -69,7 +68,7 @@ class Concentration:
     searched: float
 
 
-def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) -> Concentration:
+def greatest_concentration(system: System, backend: Backend) -> Concentration:
     """Return the greatest Concentration of light on all its ways through air from the first element on.
 
     Rough faces are taken as smooth.  Light in glass is left out, and light beside an element, behind it.
@@ -80,7 +79,7 @@ def greatest_concentration(system: OpticalSystem, lens: Lens, backend: Backend) 
     """
     radiance = system.source.spread.on_axis if system.source.diverging else inf
     sine = sqrt(1 / (pi * radiance))
-    front, ways = straight_light(system.shaping, lens, backend, CELLS)
+    front, ways = straight_light(system.shaping, backend, CELLS)
 
     def on_plane(light: StraightLight, s: float, blocks: int = SEARCHED) -> tuple[float, float, float]:
         """Return (greatest mean irradiance on a disk, its diameter, s)."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from optics.light.outgoing.concentration import SUNLIGHT, Concentration
 from optics.light.outgoing.straight_light import faces_into_air
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 
 PLACES = 2  # of lengths in mm that are said
 KW_PER_M2 = 1000.0  # in W/mm^2
 IGNITING = 10.0  # kW/m^2, below what wood takes to burn within minutes (docs/sources.md)
 
 
-def concentration_sentence(system: OpticalSystem, found: Concentration) -> str:
+def concentration_sentence(system: System, found: Concentration) -> str:
     """Return where light is concentrated most, and how much, in one sentence."""
     light = system.units.in_plane.text(found.irradiance)
     sun = "" if found.sunlight is None else f", {found.sunlight:.3g} kW/m^2 in the sun"
@@ -31,7 +31,7 @@ def _length(mm: float) -> str:
     return f"{round(mm, PLACES) + 0.0:g} mm"  # no -0
 
 
-def _away(system: OpticalSystem, face: int, mm: float) -> str:
+def _away(system: System, face: int, mm: float) -> str:
     """Return how far a place lies before or behind the vertex of a face.
 
     face : the number of that which light left.  mm : along its way from there; it may be reflected before the
@@ -47,7 +47,7 @@ def _the(face: str) -> str:
     return face if "." in face else f"the {face}"
 
 
-def fire_warning(system: OpticalSystem, found: Concentration) -> str:
+def fire_warning(system: System, found: Concentration) -> str:
     """Return a warning where light may set fire to things, "" elsewhere."""
     own = 0.0 if system.units.luminous else found.irradiance * KW_PER_M2
     each = {"the source": own, f"sunlight of {SUNLIGHT:g} kW/m^2": found.sunlight or 0.0}

@@ -18,9 +18,8 @@ from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.moulds import Plate
 
 REPLICATES = 8  # independent ones, whose spread is the noise
@@ -46,8 +45,7 @@ class OutgoingIntensity:
 
 
 def outgoing_intensity(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     backend: Backend,
     count: int,
     step: float,
@@ -62,16 +60,18 @@ def outgoing_intensity(
     step : of gamma, degrees, which divides 180; that of C is twice as large.
     progress : called with the number of sets of rays that are traced, and of all.
     """
+    lens = system.designed
     system = system.with_all_sources
     grid = IntensityGrid(round(180 / step), round(180 / step))
     rng = np.random.default_rng((system.problem.run.seed, STREAM))
     lights = system.wavelengths
     side = isqrt(max(1, count // (REPLICATES * len(lights))) - 1) + 1
-    path = system.path(lens).onto(receiver_at(plane_behind(system, lens)))
+    path = system.path.onto(receiver_at(plane_behind(system)))
     total, flux = [np.zeros((grid.turns, grid.tilts + 1)) for _ in range(REPLICATES)], 0.0
     for k, light in enumerate(lights):
         plane = TargetArea.of(path.in_media(light.media), lens.rear.half_width)
-        solid = system.made(replace(lens, index=light.media[1].index) if system.spectral else lens)
+        shown = replace(lens, index=light.media[1].index) if system.spectral else lens
+        solid = system.with_lens(shown).made
         sets = system.source.replicates(REPLICATES, (side, side), rng, RAYS_AT_ONCE)
         for done, (nodes, parts) in enumerate(zip(total, sets), k * REPLICATES):
             progress(done, len(lights) * REPLICATES)

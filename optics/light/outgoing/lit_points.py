@@ -10,9 +10,9 @@ from optics.base.runtime import Backend
 from optics.light.tracing import Tracer
 from optics.scene.limits import LitPart
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Bools, Floats
-from thbcad.lens import Lens, radii_within
+from thbcad.lens import radii_within
 from thbcad.outlines import Outline, Polygon
 
 CELLS = (512, 512)  # of the source; sources with extent have as many rays
@@ -31,9 +31,9 @@ class LitPoints:
     lit: Bools
 
     @classmethod
-    def of(cls, system: OpticalSystem, lens: Lens, backend: Backend, rays: RayGrid | Rays) -> LitPoints:
+    def of(cls, system: System, backend: Backend, rays: RayGrid | Rays) -> LitPoints:
         """Trace rays of the source of a system."""
-        path = system.path(lens)
+        path = system.path
         single = rays.rays(path.before)
         tracer = Tracer(backend, path, single)
         with backend.dr.suspend_grad():
@@ -61,7 +61,7 @@ class CutCost:
     on_target: float
 
 
-def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, tuple[float, float]]:
+def least_half_widths(system: System, backend: Backend) -> dict[str, tuple[float, float]]:
     """Return the half-widths of the faces that light meets, in their outline, that would lose none of their
     light, mm, by the name of the face.
 
@@ -71,9 +71,9 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
         rays: RayGrid | Rays = system.source.rays(CELLS)
     else:  # corners of cells, so that the border of the light is among them
         rays = system.source.cells(CELLS).rays()
-    found = LitPoints.of(system, lens, backend, rays)
+    found = LitPoints.of(system, backend, rays)
     least: dict[str, tuple[float, float]] = {}
-    shapes = (surface.shape for surface in system.path(lens).surfaces)
+    shapes = (surface.shape for surface in system.path.surfaces)
     for name, surface, points in zip(system.problem.face_names, shapes, found.points):
         hx, hy = np.array(surface.half_width) * float(surface.outline.gauge(*points).max(initial=0.0))
         if surface.outline.is_rectangle:  # of which both sides are free
@@ -83,23 +83,23 @@ def least_half_widths(system: OpticalSystem, lens: Lens, backend: Backend) -> di
     return least
 
 
-def lit_parts(system: OpticalSystem, lens: Lens, backend: Backend) -> dict[str, LitPart]:
+def lit_parts(system: System, backend: Backend) -> dict[str, LitPart]:
     """Return the parts that light meets of the free "front" and "rear" of the element that is designed.
 
     backend : of double precision.
     """
     optic, parts = system.problem.optic, dict[str, LitPart]()
-    halves = least_half_widths(system, lens, backend)
+    halves = least_half_widths(system, backend)
     for name, face in zip(system.problem.face_names, system.problem.faces_met):
         half = halves[name]
         if face.optic is optic and face.face in optic.free and min(half) > 0:
-            parts[face.face] = LitPart(half, *radii_within(lens, face.face, half))
+            parts[face.face] = LitPart(half, *radii_within(system.designed, face.face, half))
     return parts
 
 
-def cut_cost(system: OpticalSystem, lens: Lens, backend: Backend, cut: Outline | Polygon) -> CutCost:
+def cut_cost(system: System, backend: Backend, cut: Outline | Polygon) -> CutCost:
     """Return what is lost of the light of a lens that is cut along z.  backend : of double precision."""
-    found = LitPoints.of(system, lens, backend, system.source.rays(CELLS))
+    found = LitPoints.of(system, backend, system.source.rays(CELLS))
     own = (face.optic is system.problem.optic for face in system.problem.faces_met)
     left = np.logical_and.reduce([cut.contains(*points) for points, mine in zip(found.points, own) if mine])
 

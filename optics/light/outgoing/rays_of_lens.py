@@ -12,13 +12,12 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath
 from optics.scene.ray_files import RaySet
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.moulds import Plate
 
 
-def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: int, place: str) -> RaySet:
+def outgoing_rays(system: System, backend: Backend, count: int, place: str) -> RaySet:
     """Return about `count` rays of the source that went over all faces, in the unit of its flux.
 
     Those of a plate are of all its lenses, at their places; those of a spectrum are of all its wavelengths.
@@ -32,11 +31,11 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
     """
     if place == "target" and system.target.far_field:
         raise UserError("the far field has no plane that rays may start from; take --light rear")
-    made = system.made(lens)
+    made = system.made
     places = made.places if isinstance(made, Plate) else np.zeros((1, 2))
     side = isqrt((count - 1) // (len(places) * len(system.wavelengths))) + 1
     rays = system.source.rays((side, side))
-    path = system.shaded_path(lens)
+    path = system.shaded_path
     sets = [
         _behind(system, path.in_media(wavelength.media), rays, place, backend)
         for wavelength in system.wavelengths
@@ -54,7 +53,7 @@ def outgoing_rays(system: OpticalSystem, lens: Lens, backend: Backend, count: in
 
 
 def _behind(
-    system: OpticalSystem, path: LightPath, rays: RayGrid | Rays, place: str, backend: Backend
+    system: System, path: LightPath, rays: RayGrid | Rays, place: str, backend: Backend
 ) -> tuple[Floats, Floats, Floats]:
     """Return position and direction, (n, 3) each, and flux, (n,), of the rays that leave the last face."""
     tracer, last = Tracer(backend, path, rays), len(path.surfaces) - 1

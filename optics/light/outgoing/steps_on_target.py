@@ -16,7 +16,7 @@ import numpy as np
 from optics.light.analysis import rel_l2, uniformity_of_pixels
 from optics.scene.luminaires import IntensityGrid, Luminaire, Opening, directions_at
 from optics.scene.receivers import Receiver
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.poses import Pose
@@ -44,10 +44,13 @@ class StepsOnTarget:
     blur : see `optics.light.blur.spot_rms`, for U0.
     """
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     light: Floats
     blur: float = 0.0
+
+    @property
+    def lens(self) -> Lens:
+        return self.system.designed
 
     @property
     def own(self) -> OnTarget:

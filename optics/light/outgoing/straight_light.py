@@ -22,9 +22,8 @@ from optics.scene.paths import LightPath
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
 from optics.scene.sources import SourceCells
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats, Integers
-from thbcad.lens import Lens
 from thbcad.poses import Pose
 
 COARSER = 2  # cells in each direction, with which planes are looked at before the last one
@@ -87,7 +86,7 @@ def faces_into_air(problem: Problem) -> list[int]:
 
 
 def straight_light(
-    system: OpticalSystem, lens: Lens, backend: Backend, count: int
+    system: System, backend: Backend, count: int
 ) -> tuple[float, list[tuple[StraightLight, StraightLight]]]:
     """Return the irradiance of what is lit of the front, W/mm^2, and the light of every way through air.
 
@@ -99,7 +98,7 @@ def straight_light(
     """
     cells = None if system.source.extended else system.source.cells((count, count))
     rays = system.source.rays((count, count)) if cells is None else cells.rays()
-    path = system.path(lens).without_absorption().without_reflection()
+    path = system.path.without_absorption().without_reflection()
     tracer, faces = Tracer(backend, path.onto(Plane(path.leaving)), rays), faces_into_air(system.problem)
     with backend.dr.suspend_grad():
         hits, landing = tracer.trace_all()
@@ -124,9 +123,7 @@ def straight_light(
     return front, ways
 
 
-def _on_front(
-    system: OpticalSystem, path: LightPath, hits: Sequence[Hits | None], every: DrArray
-) -> list[DrArray]:
+def _on_front(system: System, path: LightPath, hits: Sequence[Hits | None], every: DrArray) -> list[DrArray]:
     """Return x and y of rays on the front, mm, and which meet it.  every : the mask of all rays."""
     first = next(h for h in hits if h is not None)
     x, y = first.x, first.y

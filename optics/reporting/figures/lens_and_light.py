@@ -18,7 +18,7 @@ from optics.reporting.figures.overview import cell_corners, relative_light
 from optics.reporting.figures.scene_figure import LENS
 from optics.reporting.view import block_means, within_foot
 from optics.scene.photometry import srgb
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
 from thbcad.lens import FreeformSurface, Lens
@@ -36,7 +36,7 @@ MIRRORED = "Seen from the side of the light, where the picture reads right: x go
 
 
 def light_figures(
-    system: OpticalSystem, lens: Lens, measurement: Measurement, paths: Mapping[str, Sequence[RayPath]]
+    system: System, measurement: Measurement, paths: Mapping[str, Sequence[RayPath]]
 ) -> Figures:
     """Return the figures of what a lens delivers, and of rays through it.
 
@@ -80,7 +80,7 @@ def light_figures(
     if system.target.far_field:
         screen = system.target.screen()
         figures |= intensity_figures(measurement.irradiance, measurement.target, screen, density)
-    solid = system.solid(lens)
+    solid = system.solid
     return (
         figures
         | colour_figures(system, measurement, unit)
@@ -220,9 +220,7 @@ def _loss(history: Sequence[Row], plan: Sequence[Stage]) -> bytes:
     return png_bytes(figure)
 
 
-def colour_figures(
-    system: OpticalSystem, measurement: Measurement, unit: str
-) -> dict[str, tuple[str, bytes]]:
+def colour_figures(system: System, measurement: Measurement, unit: str) -> dict[str, tuple[str, bytes]]:
     """Return (caption, PNG) of the picture in colour and of the colour fringe, by name.
 
     Without a spectrum, or where no light is visible, there are none.  unit : of lengths on the target.

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from optics.light.analysis import Measurement, counted_ways
 from optics.reporting.figures.canvas import new_panels, png_bytes
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
 from thbcad.hierarchy import THBSpace
-from thbcad.lens import FreeformSurface, Lens
+from thbcad.lens import FreeformSurface
 
 # title, light, colours, and the ends of their scale
 Picture = tuple[str, NDArray[np.floating[Any]], str, float, float]
@@ -77,7 +77,7 @@ class OverviewFigure(Figure):
         return buffer.getvalue()
 
 
-def overview_figure(system: OpticalSystem, measurement: Measurement) -> OverviewFigure:
+def overview_figure(system: System, measurement: Measurement) -> OverviewFigure:
     """Return target and irradiance on one scale, and their difference, all relative to the target's mean."""
     target, irradiance, error, span = relative_light(measurement)
     top = float(target.max())
@@ -96,7 +96,7 @@ def overview_figure(system: OpticalSystem, measurement: Measurement) -> Overview
 
 
 def overview_html(
-    system: OpticalSystem, measurement: Measurement, metrics: Mapping[str, Any], notes: Sequence[str]
+    system: System, measurement: Measurement, metrics: Mapping[str, Any], notes: Sequence[str]
 ) -> str:
     """Return the figure with the main numbers below it, as HTML."""
     png = b64encode(overview_figure(system, measurement)._repr_png_()).decode()
@@ -111,12 +111,13 @@ def overview_html(
 
 
 def level_figure(
-    system: OpticalSystem, name: str, lens: Lens, measurement: Measurement, gradients: Sequence[Floats]
+    system: System, name: str, measurement: Measurement, gradients: Sequence[Floats]
 ) -> tuple[str, bytes]:
     """Return (caption, PNG) of a level: its light, the error of it, and the mesh coloured by gradients.
 
     gradients : sums of |dL/dz| of the vertices over every leaf cell, of every free surface, front first.
     """
+    lens = system.designed
     name_of = system.problem.optic.face_name
     free = [(name_of(s), f) for s, f, _ in lens.faces if f.sag is not None]
     figure, axes = new_panels(2 + len(free), PANEL)

@@ -31,7 +31,7 @@ from optics.reporting.view import (
 )
 from optics.scene.problem import FaceMet
 from optics.scene.receivers import Plane
-from optics.scene.system import LightTarget, OpticalSystem
+from optics.scene.system import LightTarget, System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 from thbcad.moulds import Made, lens_of
@@ -161,7 +161,7 @@ def _text(lens: Lens, steeper: dict[str, float], names: dict[str, str]) -> str:
     )
 
 
-def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Sequence[RayPath]) -> bytes:
+def scene_view(system: System, irradiance: Floats, paths: Sequence[RayPath]) -> bytes:
     """Return a PNG of source, element, rays and the light on the target, in parallel projection.
 
     Of a target in the far field the rays alone are shown.  A long throw is drawn shorter, and a short one of
@@ -170,9 +170,9 @@ def scene_view(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
 
     irradiance : (rows, columns), row 0 at +v.  paths : from `scene_paths`.
     """
-    elements = drawn_elements(system, lens)
-    scene = placed(system, lens, elements)
-    stops = stop_rims(system, lens)
+    elements = drawn_elements(system)
+    scene = placed(system, elements)
+    stops = stop_rims(system)
     boxes = [
         _wider(scene.box(*scene.bodies, scene.source, scene.outlook, *(rims[0] for rims in stops)), 0.06)
     ]

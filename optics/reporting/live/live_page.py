@@ -22,9 +22,8 @@ from optics.light.engines import Engine
 from optics.light.measuring import symmetry_axes
 from optics.reporting.report import figures_html, light_pictures, page_head
 from optics.scene.receivers import merged
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.pictures import line_path, svg
 
 REPORT = "report.html"
@@ -130,9 +129,9 @@ class LiveView:
             self._rows += [row] if row else []
             listener.progress(plan, stage, dof, row)
 
-        def seen(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats) -> None:
-            listener.seen(stage, system, lens, target)
-            self._tell(at_once=True, **_light(stage, system, lens, target, engine))
+        def seen(stage: Stage, system: System, target: Floats) -> None:
+            listener.seen(stage, system, target)
+            self._tell(at_once=True, **_light(stage, system, target, engine))
 
         return replace(listener, progress=progress, seen=seen)
 
@@ -157,15 +156,15 @@ class LiveView:
                     self._write(live_page(now))
 
 
-def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engine: Engine) -> dict[str, Any]:
+def _light(stage: Stage, system: System, target: Floats, engine: Engine) -> dict[str, Any]:
     """Return what a page shows of a stage: the light as the optimiser measures it, on the stage's pixels."""
-    objective = stage_objective(system, lens, stage, target, engine, symmetry_axes(system))
+    objective = stage_objective(system, stage, target, engine, symmetry_axes(system))
     columns, rows = stage.pixels
     # in the far field intensities are compared
     seen = replace(stage.screen, pixels=(columns, rows))
     shown = seen.projection()
     wanted = merged(stage.screen.crop(objective.target), stage.parts) / shown
-    image = objective.image([sag.coefficients for sag in system.sags(lens)]) / shown
+    image = objective.image([sag.coefficients for sag in system.sags]) / shown
     name = f"{'' if stage.iterations else 'before '}{stage.name}"
     pictures = [(f"{caption} ({name})", png) for caption, png in light_pictures(wanted, image)]
     misfit, asked = float(np.linalg.norm(image - wanted) / np.linalg.norm(wanted)), system.problem.verify
@@ -174,7 +173,7 @@ def _light(stage: Stage, system: OpticalSystem, lens: Lens, target: Floats, engi
     bound = f", and at most {most:g} is asked for" if isfinite(most) else ""
     so_far = [f"{name.capitalize()}: rel_l2 {misfit:.3g} so far{bound}."]
     if region is not None:
-        blur = spot_rms(system, lens, system.backend) if system.source.extended or system.blurred else 0.0
+        blur = spot_rms(system, system.backend) if system.source.extended or system.blurred else 0.0
         least = uniformity_of_pixels(system, image, seen, blur).min_over_mean
         light = "I_min/I_mean" if stage.screen.angular else "E_min/E_mean"
         if least is not None:

@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from .glass_camera import elements_sight, photograph
     from .photo_room import MIRRORED, photo_caption
     from .scene_layout import DrawnElement, Scene, block_means, caption, drawn_elements, placed
+    from .scene_view import SceneView
     from .solid_renderer import Face, View, oblique, outermost, rendered, solid_faces, within_foot
     from .viewer_page import scene_page
 

@@ -10,9 +10,8 @@ from optics.light.tracing import RayPath, ShadingBody, TargetArea, Tracer, trace
 from optics.scene.paths import LightPath, Stop
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.outlines import Outline
 
 BUNDLE = (8, 8)  # rays
@@ -21,15 +20,15 @@ AROUND = 1.25  # half-widths of a hole, or of the lens: so large plates without 
 POINTS = 65  # of an ellipse
 
 
-def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[RayPath]:
+def scene_paths(system: System, backend: Backend) -> list[RayPath]:
     """Return the paths of the rays with light, of some 64 of the source, to the target or its direction.
 
     Through a lens it follows the stronger part at every face, by a mirror it goes from surface to surface.
 
     backend : of double precision
     """
-    path, half_width = system.shaded_path(lens).seen_from(system.pose), system.target.settings.half_width
-    rays = system.own_rays(system.source.rays(BUNDLE), lens)
+    path, half_width = system.shaded_path.seen_from(system.pose), system.target.settings.half_width
+    rays = system.own_rays(system.source.rays(BUNDLE))
     lit = rays.flux > 0
     if lit.any():
         rays = Rays(rays.origin[:, lit], rays.direction[:, lit], rays.flux[lit])
@@ -39,7 +38,7 @@ def scene_paths(system: OpticalSystem, lens: Lens, backend: Backend) -> list[Ray
     if not system.lone_lens:
         found = sequential_paths(backend, path, rays, half_width)
     else:
-        found = trace_paths(backend, system.solid(lens), rays, TargetArea.of(path, half_width))
+        found = trace_paths(backend, system.solid, rays, TargetArea.of(path, half_width))
     return [RayPath(system.pose.points(ray.points.T).T, ray.fate) for ray in found]
 
 
@@ -98,8 +97,9 @@ def _rows(values: Iterable[Any], n: int) -> Floats:
     return np.stack([np.zeros(n) + (v.numpy() if hasattr(v, "numpy") else v) for v in values])
 
 
-def stop_rims(system: OpticalSystem, lens: Lens) -> list[list[Floats]]:
+def stop_rims(system: System) -> list[list[Floats]]:
     """Return the rims of every stop, (3, n) each, mm: the outer one first, each the other way round."""
+    lens = system.designed
     hx, hy = (max(pair) for pair in zip(lens.front.half_width, lens.rear.half_width))
     return [_rims(stop, (hx, hy)) for stop in system.stops]
 

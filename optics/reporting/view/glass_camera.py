@@ -23,9 +23,8 @@ from optics.scene.paths import Body
 from optics.scene.photometry import encoded_srgb
 from optics.scene.problem import MirrorElement, Optic
 from optics.scene.sources import Rays
-from optics.scene.system import MadePart, OpticalSystem, scene_parts
+from optics.scene.system import MadePart, System, scene_parts
 from thbcad.checks import Floats, Integers
-from thbcad.lens import Lens
 from thbcad.moulds import Made, Plate, lens_of
 from thbcad.poses import Pose
 
@@ -86,13 +85,13 @@ class _Seen:
         )
 
 
-def elements_sight(system: OpticalSystem, lens: Lens, backend: Backend) -> Sight:
+def elements_sight(system: System, backend: Backend) -> Sight:
     """Return what the camera of a photograph sees in the elements, also in the table's reflection.
 
     backend : of double precision
     """
-    light = PhotoLight(photo_room(system, lens), np.zeros((1, 1, 3)))
-    parts = zip(scene_parts(system, lens), system.problem.optics)
+    light = PhotoLight(photo_room(system), np.zeros((1, 1, 3)))
+    parts = zip(scene_parts(system), system.problem.optics)
     elements = [
         _seen(backend, part, optic, light.room.elements[part.name])
         for part, optic in parts
@@ -166,14 +165,14 @@ def _first(light: PhotoLight, elements: Sequence[_Seen], branches: Branches, las
     return first
 
 
-def photograph(system: OpticalSystem, lens: Lens, irradiance: Floats, sight: Sight) -> bytes:
+def photograph(system: System, irradiance: Floats, sight: Sight) -> bytes:
     """Return a PNG of the elements before their light on a screen, in central projection.
 
     `photo_caption` says what is not drawn as it is.
 
     irradiance : (rows, columns), row 0 at +y.  sight : as `elements_sight`.
     """
-    room = photo_room(system, lens)
+    room = photo_room(system)
     light = PhotoLight(room, _shown(irradiance, system.target.settings.half_width, room))
     picture = np.zeros((LINES * PIXELS[0] * PIXELS[1], 3))
     for pixel, count, weight, ray in _camera_rays(light):

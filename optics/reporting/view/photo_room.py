@@ -21,9 +21,8 @@ from optics.reporting.view.scene_layout import (
 )
 from optics.scene.problem import MirrorElement
 from optics.scene.receivers import Plane, Receiver
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats, Integers
-from thbcad.lens import Lens
 from thbcad.poses import Pose
 
 PIXELS = (960, 540)  # columns and rows
@@ -115,13 +114,13 @@ def _between(shares: Floats, count: int) -> Integers:
     return np.arange(max(int(low) - 1, 0), min(int(high) + 2, count))
 
 
-def photo_room(system: OpticalSystem, lens: Lens) -> PhotoRoom:
+def photo_room(system: System) -> PhotoRoom:
     """Return the room of the elements of a system.
 
     A lens on the axis is seen from behind a screen across it, all else from where `placed` sees the scene.
     """
-    drawn = drawn_elements(system, lens, COARSE, COARSE)
-    scene = placed(system, lens, drawn)
+    drawn = drawn_elements(system, COARSE, COARSE)
+    scene = placed(system, drawn)
     stand = (_from_behind if system.axial else _from_beside)(system, scene)
     boxes, size = {element.name: box_of(element.box) for element in drawn}, _size(scene.lens)
     least = BESIDE * size / sqrt(len(scene.sources))
@@ -159,7 +158,7 @@ def _size(box: Floats) -> float:
     return float(np.ptp(box[:2], axis=1).max() / 2)
 
 
-def _from_behind(system: OpticalSystem, scene: Scene) -> _Stand:
+def _from_behind(system: System, scene: Scene) -> _Stand:
     size, top = _size(scene.lens), float(scene.lens[2, 1])
     hx, hy, throw, smaller = _screen(system, size, top)
     stretch = np.clip(throw, SHORT * (hx + size), LONG * (hx + size)) / throw
@@ -176,7 +175,7 @@ def _from_behind(system: OpticalSystem, scene: Scene) -> _Stand:
     return _Stand(screen, (hx, hy), eye, turn, 1.0, smaller, float(stretch))
 
 
-def _from_beside(system: OpticalSystem, scene: Scene) -> _Stand:
+def _from_beside(system: System, scene: Scene) -> _Stand:
     half_width, (start, end) = system.target.settings.half_width, scene.gap
     smaller = squeeze = 1.0
     screen: Receiver
@@ -221,7 +220,7 @@ def _posts(
     return tuple(posts)
 
 
-def _screen(system: OpticalSystem, size: float, top: float) -> tuple[float, float, float, float]:
+def _screen(system: System, size: float, top: float) -> tuple[float, float, float, float]:
     """Return half-widths of the screen and its distance from the lens, mm, and how many times smaller than it
     is it is drawn.
 
@@ -255,9 +254,9 @@ def _window(stand: _Stand, points: Floats) -> tuple[float, float, float, float]:
     return centre - width / 2, centre + width / 2, low, low + scale * PIXELS[1]
 
 
-def photo_caption(system: OpticalSystem, lens: Lens) -> str:
+def photo_caption(system: System) -> str:
     """Return what a photograph shows, and what of it is not as it is."""
-    room = photo_room(system, lens)
+    room = photo_room(system)
     light = "measured light on a translucent screen"
     mirrors = [isinstance(optic, MirrorElement) for optic in system.problem.optics]
     alone = "The mirror, which reflects the room, and its" if any(mirrors) else "The lens as glass and its"

@@ -11,9 +11,8 @@ from optics.reporting.view.open_views import best_view
 from optics.reporting.view.solid_renderer import SAMPLES, Face, oblique, outermost, solid_faces
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
-from optics.scene.system import OpticalSystem, designed_part, other_parts, source_frames
+from optics.scene.system import System, designed_part, other_parts, source_frames
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.poses import Pose
 
 RISE, LEAST_TURN, MOST_TURN = 18.0, 52.0, 60.0  # degrees: from where a lens on the axis is seen
@@ -46,14 +45,12 @@ class DrawnElement:
         return [face.posed(self.pose) for face in self.faces]
 
 
-def drawn_elements(
-    system: OpticalSystem, lens: Lens, samples: int = SAMPLES, fixed: int = SAMPLES
-) -> tuple[DrawnElement, ...]:
+def drawn_elements(system: System, samples: int = SAMPLES, fixed: int = SAMPLES) -> tuple[DrawnElement, ...]:
     """Return the elements in the order of the light.
 
     samples, fixed : across the faces of that which is designed, and of the others.
     """
-    own = designed_part(system, lens)
+    own = designed_part(system)
     parts = {part.name: part for part in (own, *other_parts(system))}
     met = dict.fromkeys(face.optic.called for face in system.problem.faces_met)
     return tuple(
@@ -147,7 +144,7 @@ class Scene:
         return np.stack([seen.min(axis=1), seen.max(axis=1)])
 
 
-def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) -> Scene:
+def placed(system: System, elements: Sequence[DrawnElement]) -> Scene:
     """Return the scene of a system, seen so that its parts leave each other free.
 
     A long throw is drawn shorter; before a lens on the axis and a plane across it a short one also longer.
@@ -160,7 +157,7 @@ def placed(system: OpticalSystem, lens: Lens, elements: Sequence[DrawnElement]) 
     lit = first.pose.points(first.faces[0].points.reshape(3, -1))
     sources = _sources(system, bodies[0], np.abs(lit).max(axis=1))
     source = np.concatenate([one.outline for one in sources], axis=1)
-    leaving, screen = system.path(lens).leaving, np.zeros((3, 0, 0))
+    leaving, screen = system.path.leaving, np.zeros((3, 0, 0))
     outlook, along = _around_far_rays(leaving, bodies[-1]), leaving.rotation[:, 2]
     start = end = float((along @ np.concatenate([*bodies, source], axis=1)).max())
     if not target.far_field:
@@ -194,7 +191,7 @@ def box_of(points: Floats) -> Floats:
     return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
 
 
-def _sources(system: OpticalSystem, body: Floats, widest: Floats) -> tuple[DrawnSource, ...]:
+def _sources(system: System, body: Floats, widest: Floats) -> tuple[DrawnSource, ...]:
     """Return the sources; of one wide beam along the axis what lies beside the element.
 
     widest : greatest |x| and |y| of the front

@@ -18,9 +18,8 @@ from optics.light.tracing import RayPath
 from optics.reporting.view.drawn_rays import stop_rims
 from optics.reporting.view.scene_layout import Scene, block_means, caption, drawn_elements, placed
 from optics.reporting.view.solid_renderer import Face
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 SAMPLES = 177  # across a face: two faces of 8 bytes a point take 0.67 MB as text; the indices have 16 bits
 OTHERS = 41  # the same of elements that are not designed
@@ -29,7 +28,7 @@ MOST_PATHS = 96
 INT16 = 32767
 
 
-def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Sequence[RayPath]) -> str:
+def scene_page(system: System, irradiance: Floats, paths: Sequence[RayPath]) -> str:
     """Return an HTML page of source, element, rays and the light on the target, of at most 1 MB.
 
     It shows what the picture by `figures.scene_view` shows.  Where that draws the throw shorter or longer,
@@ -38,8 +37,8 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
 
     irradiance : (rows, columns), row 0 at +y.  paths : from `scene_paths`.
     """
-    elements = drawn_elements(system, lens, SAMPLES, OTHERS)
-    scene, to_own = placed(system, lens, elements), system.pose.inverse()
+    elements = drawn_elements(system, SAMPLES, OTHERS)
+    scene, to_own = placed(system, elements), system.pose.inverse()
     own, name = [], system.problem.optic.called
     for element in elements:
         turned = element.name != name
@@ -48,7 +47,7 @@ def scene_page(system: OpticalSystem, lens: Lens, irradiance: Floats, paths: Seq
     step = -(-len(paths) // MOST_PATHS) or 1
     shown = [(scene.visible(path.points), path.fate) for path in paths[::step]]
     far = [scene.outlook] if scene.target.size else [points[:, -1:] for points, _ in shown]
-    stops = [rim for rims in stop_rims(system, lens) for rim in rims]
+    stops = [rim for rims in stop_rims(system) for rim in rims]
     around = np.concatenate([*scene.bodies, scene.source, *stops, *far], axis=1)
     data = {
         "caption": caption(system.problem, scene),

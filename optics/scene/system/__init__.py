@@ -1,4 +1,4 @@
-"""What a problem describes, built once: lens, source, target, and what tracing need not compute."""
+"""A problem and the shape of every element: lens, source, target, and what tracing need not compute."""
 
 from thbcad.doors import TYPE_CHECKING, lazy_door
 
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
         scene_parts,
         volume_of_made,
     )
-    from optics.scene.system.optical_system import OpticalSystem as OpticalSystem
+    from optics.scene.system.prescribed import shared
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis, require_light_of_one_lens
     from optics.scene.system.soundness import advice, load_system, solvable_system
     from optics.scene.system.source import Own, source_frames, source_of
+    from optics.scene.system.system import System as System
     from optics.scene.system.target import LightTarget, target_irradiance
 
-__getattr__, __dir__, __all__ = lazy_door(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_door(__name__, __file__, renamed={"OpticalSystem": "System"})

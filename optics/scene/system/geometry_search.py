@@ -17,7 +17,7 @@ import numpy as np
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Placed, Problem
-from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.system import System
 from thbcad.checks import Floats
 from thbcad.poses import Pose
 
@@ -44,7 +44,7 @@ class Step:
         return f"--set {shlex.quote(f'{self.key}={value}')}"
 
 
-def nearest_geometry(system: OpticalSystem, works: Callable[[OpticalSystem], bool]) -> list[str]:
+def nearest_geometry(system: System, works: Callable[[System], bool]) -> list[str]:
     """Return options `--set KEY=VALUE`, each of which makes a system work, with the least change of its key.
 
     Every value that is returned was tried as it is written.  A smaller target is named where nothing else
@@ -53,7 +53,7 @@ def nearest_geometry(system: OpticalSystem, works: Callable[[OpticalSystem], boo
     works : told of a system with another target, or with its element turned.
     """
 
-    def nearest(way: Callable[[OpticalSystem, float], Step | None]) -> list[str]:
+    def nearest(way: Callable[[System, float], Step | None]) -> list[str]:
         def tried(k: int) -> Step | None:
             try:
                 step = way(system, k / STEPS)
@@ -74,14 +74,14 @@ def nearest_geometry(system: OpticalSystem, works: Callable[[OpticalSystem], boo
     return every or nearest(_smaller)
 
 
-def _turned(system: OpticalSystem, t: float) -> Step | None:
+def _turned(system: System, t: float) -> Step | None:
     """Return the tilt of the target, turned about its middle; at t = 1 it faces the lens."""
     pose = system.target.receiver.pose
     turn = _turn(pose.rotation[:, 2], _straight(system) if system.target.far_field else _line(system))
     return _of_target(system, "tilt", _tilt(t * turn, pose)) if turn.any() else None
 
 
-def _leant(system: OpticalSystem, t: float) -> Step | None:
+def _leant(system: System, t: float) -> Step | None:
     """Return the tilt of an element; at t = 1 it points to the target, or reflects light to its middle."""
     optic = system.problem.optic
     if not isinstance(optic, Placed):
@@ -94,7 +94,7 @@ def _leant(system: OpticalSystem, t: float) -> Step | None:
     return Step(optic.key("tilt"), tilt, system.problem.with_optic(tilt=tuple(tilt)))
 
 
-def _farther(system: OpticalSystem, t: float) -> Step | None:
+def _farther(system: System, t: float) -> Step | None:
     """Return the place of the target, FARTHEST times as far away at t = 1."""
     times = FARTHEST**t
     if system.target.far_field:
@@ -104,7 +104,7 @@ def _farther(system: OpticalSystem, t: float) -> Step | None:
     return _of_target(system, "position", _rounded(_vertex(system) + times * _line(system)))
 
 
-def _swung(system: OpticalSystem, t: float) -> Step | None:
+def _swung(system: System, t: float) -> Step | None:
     """Return the place of the target, as far away as it is; at t = 1 no light to its middle is bent."""
     if system.target.far_field or system.target.settings.position is None:
         return None
@@ -112,13 +112,13 @@ def _swung(system: OpticalSystem, t: float) -> Step | None:
     return _of_target(system, "position", _rounded(_vertex(system) + swing.directions(_line(system))))
 
 
-def _smaller(system: OpticalSystem, t: float) -> Step:
+def _smaller(system: System, t: float) -> Step:
     """Return the half-widths of the target, of which hardly anything is left at t = 1."""
     half = np.array(system.target.settings.half_width)
     return _of_target(system, "half_width", _rounded((1 - t * (1 - 1 / STEPS)) * half))
 
 
-def _of_target(system: OpticalSystem, key: str, value: list[float]) -> Step:
+def _of_target(system: System, key: str, value: list[float]) -> Step:
     """Return another value of a key of the target."""
     problem = system.problem
     changes: dict[str, Any] = {key: tuple(value) if len(value) > 1 else value[0]}
@@ -130,24 +130,24 @@ def _tilt(turn: Floats, pose: Pose) -> list[float]:
     return [round(a, ANGLES) + 0.0 for a in (Pose.at(rotation_vector=turn) @ pose).tilt]
 
 
-def _vertex(system: OpticalSystem) -> Floats:
+def _vertex(system: System) -> Floats:
     """Return where light leaves: the vertex of the rear, or of a mirror, mm."""
     z = 0.0 if system.reflects else system.base.thickness
     return np.array(system.pose.points(np.array([0.0, 0.0, z])))
 
 
-def _line(system: OpticalSystem) -> Floats:
+def _line(system: System) -> Floats:
     """Return the way from there to the middle of the target, mm."""
     return np.array(system.target.receiver.pose.shift - _vertex(system))
 
 
-def _coming(system: OpticalSystem) -> Floats:
+def _coming(system: System) -> Floats:
     """Return a vector along the light that comes to the vertex."""
     afar = system.source.from_afar
     return np.array((0.0, 0.0, 1.0)) if afar else _vertex(system) - system.source.middle
 
 
-def _straight(system: OpticalSystem) -> Floats:
+def _straight(system: System) -> Floats:
     """Return a vector along the light that leaves a plate, or a plane mirror."""
     along, axis = _coming(system), system.pose.rotation[:, 2]
     return along - 2 * (along @ axis) * axis if system.reflects else along

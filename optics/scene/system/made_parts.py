@@ -10,7 +10,7 @@ from optics.scene.limits import limit_checks
 from optics.scene.problem import Optic
 from optics.scene.system.elements import lens_product, pose_of
 from optics.scene.system.made_bodies import whole_of
-from optics.scene.system.optical_system import OpticalSystem
+from optics.scene.system.system import System
 from thbcad.lens import Lens, Manufacturability, Product, manufacturability
 from thbcad.poses import Pose
 
@@ -37,20 +37,20 @@ class MadePart:
         return f"{self.name}.step"
 
 
-def designed_part(system: OpticalSystem, lens: Lens) -> MadePart:
+def designed_part(system: System) -> MadePart:
     """Return the element that is designed.  lens : its shape.
 
     Raises UserError : the lens has no such body for a mould, or no such plate.
     """
-    return _part(system.problem.optic, lens, system.product)
+    return _part(system.problem.optic, system.designed, system.product)
 
 
-def manufactured(system: OpticalSystem, lens: Lens) -> Manufacturability:
+def manufactured(system: System) -> Manufacturability:
     """Return the metrics of a lens for its manufacture; the volume is that of what is made.
 
     Raises UserError : as `designed_part`.
     """
-    return _manufactured(system.problem.optic, lens)
+    return _manufactured(system.problem.optic, system.designed)
 
 
 def volume_of_made(optic: Optic, lens: Lens) -> tuple[int, float]:
@@ -66,20 +66,20 @@ def volume_of_made(optic: Optic, lens: Lens) -> tuple[int, float]:
     return count, 0.0 if made is lens else made.volume() - count * lens.volume()
 
 
-def other_parts(system: OpticalSystem) -> tuple[MadePart, ...]:
+def other_parts(system: System) -> tuple[MadePart, ...]:
     """Return the elements that are not designed; raise as `designed_part`."""
     return tuple(_part(optic, lens, lens_product(system.problem, optic)) for optic, lens in system.others)
 
 
-def scene_parts(system: OpticalSystem, lens: Lens) -> tuple[MadePart, ...]:
+def scene_parts(system: System) -> tuple[MadePart, ...]:
     """Return all elements as the parts of an assembly, each under its own name; raise as `designed_part`."""
-    designed = designed_part(system, lens)
+    designed = designed_part(system)
     designed = replace(designed, product=replace(designed.product, name=designed.name))
     others = {part.name: part for part in other_parts(system)}
     return tuple(others.get(optic.called, designed) for optic in system.problem.optics)
 
 
-def other_limit_checks(system: OpticalSystem) -> list[Check]:
+def other_limit_checks(system: System) -> list[Check]:
     """Return the checks of the limits of manufacture of the free elements before the last."""
     return [
         replace(check, name=f"{optic.called}: {check.name}")

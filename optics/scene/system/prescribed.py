@@ -2,36 +2,70 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field, replace
 from itertools import pairwise
 from math import hypot, inf
+from typing import Any, Generic, TypeVar, overload
 
 from optics.base.runtime import UserError
 from optics.scene.materials import Material
 from optics.scene.paths import Medium
 from optics.scene.photometry import Units, units_of
 from optics.scene.problem import FaceMet, Freeform, MirrorElement, Problem, Verify
-from optics.scene.system.elements import clear_aperture_of, freeforms, lens_product, pose_of
+from optics.scene.system.elements import freeforms, lens_product, pose_of
 from optics.scene.system.lens_material import indexing_material, media_at
 from optics.scene.system.made_bodies import body_options
 from thbcad.checks import EPS
-from thbcad.lens import Lens, Product
+from thbcad.lens import Product
 from thbcad.moulds import BodyOptions
-from thbcad.outlines import Outline
 from thbcad.poses import Pose
 
 ROUNDINGS = 256  # of the way to the target: two traces of a lens 1 km away are 70 apart
 STRAIGHT = [("front", False), ("rear", False)]  # the faces of a lens alone, and whether they reflect
 
 
+T = TypeVar("T")
+
+
+class shared(Generic[T]):
+    """A property that follows from the prescription: computed when it is first asked for, and then known to
+    all systems that differ in the shapes of their elements alone."""
+
+    def __init__(self, compute: Callable[[Any], T]) -> None:
+        self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
+
+    @overload
+    def __get__(self, system: None, owner: type) -> shared[T]: ...
+
+    @overload
+    def __get__(self, system: Prescribed, owner: type) -> T: ...
+
+    def __get__(self, system: Prescribed | None, owner: type) -> T | shared[T]:
+        if system is None:
+            return self
+        known = system.computed
+        if self._name not in known:
+            known[self._name] = self._compute(system)
+        found: T = known[self._name]
+        return found
+
+
 @dataclass(frozen=True, eq=False)
 class Prescribed:
-    """What the tables of a problem say of its light and of the element that is designed."""
+    """What the tables of a problem say of its light and of the element that is designed.
+
+    known : what was computed from them already, by name, see `shared`; left out, as by `replace`, nothing.
+    """
 
     problem: Problem
+    known: InitVar[dict[str, Any] | None] = field(default=None, kw_only=True)
+    computed: dict[str, Any] = field(init=False, repr=False)
 
-    @cached_property
+    def __post_init__(self, known: dict[str, Any] | None) -> None:
+        object.__setattr__(self, "computed", {} if known is None else known)
+
+    @shared
     def product(self) -> Product:
         """What the CAD files say about the lens."""
         return lens_product(self.problem)
@@ -44,7 +78,7 @@ class Prescribed:
             return limits
         return replace(limits, landing=max(limits.landing, ROUNDINGS * EPS * hypot(self.problem.throw, x, y)))
 
-    @cached_property
+    @shared
     def own_faces(self) -> dict[int, FaceMet]:
         """The faces of the element that is designed, by their numbers along the path."""
         optic = self.problem.optic
@@ -122,10 +156,6 @@ class Prescribed:
     def spectral(self) -> bool:
         """Whether light is measured at other wavelengths than that of the design."""
         return bool(self.problem.source.spectrum)
-
-    def clear_aperture(self, lens: Lens) -> tuple[Outline, Outline] | None:
-        """Return what a holder leaves free of front and rear of a lens; None is all."""
-        return clear_aperture_of(self.problem.optic, lens)
 
     @property
     def body(self) -> BodyOptions | None:

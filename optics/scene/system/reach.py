@@ -14,8 +14,8 @@ from optics.scene.keys import AUTO
 from optics.scene.problem import FaceMet, Optic, Placed, Problem
 from optics.scene.system.elements import pose_of
 from optics.scene.system.geometry_search import nearest_geometry
-from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.stops import lens_heights
+from optics.scene.system.system import System
 from thbcad.checks import Floats
 from thbcad.lens import Lens
 
@@ -28,12 +28,12 @@ MOST_PIXELS = 1024  # of a target in each direction, that are looked at: more ar
 POINTS = 33  # of a target in each direction, that are looked for in the box
 
 
-def require_clear_of_lens(system: OpticalSystem) -> None:
+def require_clear_of_lens(system: System) -> None:
     """Refuse a target that cuts an element: the box that the designed one may fill, or the solid of another.
 
     Raises UserError : names the box.
     """
-    for optic, lens in system.elements(system.base):
+    for optic, lens in system.unshaped.elements:
         low, high = lens_heights(optic, lens)
         x, y = np.max([lens.front.half_width, lens.rear.half_width], axis=0).tolist()
         points = _target_within(system, optic, np.array([[-x, x], [-y, y], [low, high]]))
@@ -45,7 +45,7 @@ def require_clear_of_lens(system: OpticalSystem) -> None:
             )
 
 
-def _target_within(system: OpticalSystem, optic: Optic, box: Floats) -> Floats:
+def _target_within(system: System, optic: Optic, box: Floats) -> Floats:
     """Return points of the target within the box (3, 2) around an element, in its frame, (3, n): those of a
     grid, and those on lines through the box."""
     receiver = system.target.receiver.seen_from(pose_of(optic))
@@ -61,7 +61,7 @@ def _target_within(system: OpticalSystem, optic: Optic, box: Floats) -> Floats:
     return np.concatenate(found, axis=1)
 
 
-def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
+def require_met(system: System, least: float = EDGE_ON) -> None:
     """Refuse an element that light would meet from behind: each comes from its own -z, from the one before.
 
     least : cosine of a beam's angle to the axis of the first.
@@ -89,12 +89,12 @@ def require_met(system: OpticalSystem, least: float = EDGE_ON) -> None:
             )
 
 
-def require_apart(system: OpticalSystem) -> None:
+def require_apart(system: System) -> None:
     """Refuse elements of which one holds points of the faces of another, before optimisation.
 
     Raises UserError : names both.
     """
-    bodies = [(system.problem.optic, system.base), *system.others]
+    bodies = system.unshaped.elements
     for (one, lens), (other, solid) in permutations(bodies, 2):
         for surface, vertex in ((lens.front, 0.0), (lens.rear, lens.thickness)):
             x, y = np.meshgrid(*(h * np.linspace(-1, 1, POINTS) for h in surface.half_width))
@@ -120,7 +120,7 @@ def _holds(lens: Lens, points: Floats) -> NDArray[np.bool_]:
     return held
 
 
-def require_lens_on_axis(system: OpticalSystem, what: str, instead: str) -> None:
+def require_lens_on_axis(system: System, what: str, instead: str) -> None:
     """Refuse an element elsewhere where only the lens of [lens] is known.
 
     what : is not known of it.  instead : what the user may do.
@@ -134,7 +134,7 @@ def require_lens_on_axis(system: OpticalSystem, what: str, instead: str) -> None
         )
 
 
-def require_light_of_one_lens(system: OpticalSystem, what: str) -> None:
+def require_light_of_one_lens(system: System, what: str) -> None:
     """Refuse a plate before a plane, whose light is a sum, where only that of one lens is followed.
 
     what : is not known of it.
@@ -153,7 +153,7 @@ def _named(optic: Optic) -> str:
     return optic.table if isinstance(optic, Placed) else "the lens"
 
 
-def _own_frame(system: OpticalSystem) -> str:
+def _own_frame(system: System) -> str:
     """Return the words that name the frame of an element."""
     return "" if system.problem.lens else " of its own frame"
 
@@ -171,7 +171,7 @@ def _lines(box: Floats) -> Iterator[tuple[Floats, Floats, float]]:
         yield start + length * along, -along, length
 
 
-def require_reachable(system: OpticalSystem) -> None:
+def require_reachable(system: System) -> None:
     """Refuse a target of which no light of the lens reaches what is to be lit.
 
     Light leaves the rear towards +z, or a mirror towards -z, and goes through the target along its normal.
@@ -196,7 +196,7 @@ def _is_requested(problem: Problem) -> bool:
     return problem.target.kind != "tophat" or not any_will_do
 
 
-def can_be_lit(system: OpticalSystem) -> bool:
+def can_be_lit(system: System) -> bool:
     """Return whether light reaches all that is to be lit, and grazes neither the target nor the lens.
 
     Raises UserError : the target cuts the lens, or light meets an element from behind, or elements overlap.
@@ -215,22 +215,22 @@ def can_be_lit(system: OpticalSystem) -> bool:
     return bool(clear.all()) and not _fault(system)
 
 
-def _shaped_last(system: OpticalSystem) -> bool:
+def _shaped_last(system: System) -> bool:
     """Return whether nothing turns the light behind the face that is shaped."""
     return system.shaped_face is system.problem.faces_met[-1]
 
 
-def _fault(system: OpticalSystem) -> str:
+def _fault(system: System) -> str:
     """Return what light does not reach, and a remedy in words; "" where it reaches all."""
     last = system.problem.faces_met[-1]
-    lens = next(lens for optic, lens in system.elements(system.base) if optic is last.optic)
+    lens = next(lens for optic, lens in system.unshaped.elements if optic is last.optic)
     points, normals, share = _asked(system, last.optic)
     fault = _unlit(system, last, lens, points, normals, share)
     parallel = system.parallel and _shaped_last(system)
     return fault or (_too_far(system, points, share) if parallel else "")
 
 
-def _asked(system: OpticalSystem, optic: Optic) -> tuple[Floats, Floats, Floats]:
+def _asked(system: System, optic: Optic) -> tuple[Floats, Floats, Floats]:
     """Return points of the target that are to be lit, (3, n), its normals there, both in the frame of an
     element, and shares of the light."""
     target = system.target
@@ -244,9 +244,7 @@ def _asked(system: OpticalSystem, optic: Optic) -> tuple[Floats, Floats, Floats]
     return points, normals, light[rows, columns] / light.sum()
 
 
-def _unlit(
-    system: OpticalSystem, last: FaceMet, lens: Lens, points: Floats, normals: Floats, share: Floats
-) -> str:
+def _unlit(system: System, last: FaceMet, lens: Lens, points: Floats, normals: Floats, share: Floats) -> str:
     """Return what is wrong with points (3, n) that no light of the last face meets from before.
 
     last : the face, whose element has this lens.  share : of the light, (n,).
@@ -273,7 +271,7 @@ def _unlit(
     return ""
 
 
-def _too_far(system: OpticalSystem, points: Floats, share: Floats) -> str:
+def _too_far(system: System, points: Floats, share: Floats) -> str:
     """Return what is wrong with points (3, n) farther aside from a parallel beam than a plane front and a
     rear can send it.  share : of the light, (n,)."""
     lens, (x, y, z) = system.problem.optic, points

@@ -14,7 +14,6 @@ from optics.scene.limits import limit_advice, require_limits
 from optics.scene.problem import OF_PICTURES, OF_UNIFORM, Problem, freedom_of, load_problem
 from optics.scene.system.lens_material import require_one_glass, with_material
 from optics.scene.system.made_parts import volume_of_made
-from optics.scene.system.optical_system import OpticalSystem
 from optics.scene.system.reach import (
     require_apart,
     require_clear_of_lens,
@@ -23,6 +22,7 @@ from optics.scene.system.reach import (
 )
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import require_places
+from optics.scene.system.system import System
 
 # poles of a face, and times as many as its sag has, from where a note is due; and what one takes in a file
 MANY_POLES, MORE, STEP_BYTES = 10_000, 2, 76
@@ -31,8 +31,8 @@ SAME_FLUX = 1e-9  # relative, of rounding
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
-def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -> OpticalSystem:
-    """Return the OpticalSystem of a problem file that can be solved.
+def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -> System:
+    """Return the System of a problem file that can be solved.
 
     changes : {dotted key: value}, in place of what the file says.
 
@@ -43,8 +43,8 @@ def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -
         return solvable_system(problem)
 
 
-def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
-    """Return the OpticalSystem of a problem that can be solved.  own : see there.
+def solvable_system(problem: Problem, own: Own = NOTHING) -> System:
+    """Return the System of a problem that can be solved.  own : see there.
 
     Raises UserError : limits that contradict each other, a prescription that makes no lens, a picture that
         cannot be read, a source or a target that lies in the lens, a target that no lens can light, from
@@ -60,7 +60,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
             f"{problem.flux:g}, by which shares of light are counted; give both the same"
         )
     told = source_of(problem).told
-    system = OpticalSystem(problem.with_(**told) if told else problem, own=own)
+    system = System(problem.with_(**told) if told else problem, own=own)
     _ = (
         system.target.light,
         system.base,
@@ -68,8 +68,8 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
         system.wavelengths,
     )  # built now, so that errors come now
     require_room(system)
-    start = system.path(system.base).before if system.source.collimated else -np.inf
-    require_places(problem, ((system.problem.optic, system.base), *system.others), system.stops, start)
+    start = system.unshaped.path.before if system.source.collimated else -np.inf
+    require_places(problem, system.unshaped.elements, system.stops, start)
     require_light(system)
     require_judged(system)
     require_sharp(system)
@@ -77,7 +77,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> OpticalSystem:
     return system
 
 
-def require_light(system: OpticalSystem) -> None:
+def require_light(system: System) -> None:
     """Refuse a beam whose picture is dark wherever it meets the front.
 
     Raises UserError : names the picture and the half-widths.
@@ -93,7 +93,7 @@ def require_light(system: OpticalSystem) -> None:
         )
 
 
-def require_judged(system: OpticalSystem) -> None:
+def require_judged(system: System) -> None:
     """Refuse limits of uniform light where a formula varies, and limits of a picture where it does not.
 
     Raises UserError : names the key.
@@ -111,7 +111,7 @@ def require_judged(system: OpticalSystem) -> None:
             )
 
 
-def require_sharp(system: OpticalSystem) -> None:
+def require_sharp(system: System) -> None:
     """Refuse blur of light that meets more than one lens or one mirror.
 
     Raises UserError : names the faces that light meets.
@@ -124,7 +124,7 @@ def require_sharp(system: OpticalSystem) -> None:
         )
 
 
-def require_room(system: OpticalSystem) -> None:
+def require_room(system: System) -> None:
     """Refuse a source that lies in the lens, and a target plane that cuts it.
 
     Raises UserError : names the planes and the extent of the surfaces.
@@ -168,12 +168,12 @@ def require_room(system: OpticalSystem) -> None:
         require_clear_of_lens(system)
 
 
-def advice(system: OpticalSystem) -> list[str]:
+def advice(system: System) -> list[str]:
     """Return sentences about settings that do not suit the problem, and about missed limits.
 
     The limits are those that the lens misses before optimisation.
     """
-    problem, lens = system.problem, system.base
+    problem = system.problem
     options, sentences = problem.optimizer, [*system.source.assumed]
     if system.source.emitter and (options.window in ("cells", "pixel") or options.lost_flux_weight > 1):
         sentences.append(
@@ -183,9 +183,9 @@ def advice(system: OpticalSystem) -> list[str]:
         )
     if problem.target.zones:
         sentences += _zone_advice(system)
-    free = system.free_elements(lens)
+    free = system.unshaped.free_elements
     bent = not all(s.conic.is_paraboloid for _, shape in free for s in (shape.front, shape.rear))
-    thrown = CONIC_SLOPE * system.path(system.base).lever
+    thrown = CONIC_SLOPE * system.unshaped.path.lever
     if bent and not system.target.far_field and thrown > system.traced_within.landing:
         sentences.append(
             "STEP holds conics other than paraboloids as splines, which may move landing points by "
@@ -201,7 +201,7 @@ def advice(system: OpticalSystem) -> list[str]:
     ]
 
 
-def _many_poles(system: OpticalSystem) -> list[str]:
+def _many_poles(system: System) -> list[str]:
     """Return a sentence where a conic gives a face many more poles than the finest level of its sag has."""
     free = system.freeforms[-1]
     poles = max(graph.coefficients.size for graph in system.base.graphs())
@@ -217,7 +217,7 @@ def _many_poles(system: OpticalSystem) -> list[str]:
     ]
 
 
-def _zone_advice(system: OpticalSystem) -> list[str]:
+def _zone_advice(system: System) -> list[str]:
     """Return sentences about rows that the light aimed at misses, which is no bound, since a lens may keep
     them, and about pixels too wide to see what zones are read over."""
     target, screen = system.target, system.target.screen()

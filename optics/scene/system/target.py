@@ -63,12 +63,14 @@ class LightTarget:
     settings : of the problem file.  receiver : of the light, in the frame of the scene.
     flux : that may arrive, which the smoothest light of zones needs.
     corrections : of what a design aims at in every row of the zones, factors; none are 1.
+    given : linear light in place of what the settings describe.
     """
 
     settings: Target
     receiver: Receiver
     flux: float = 1.0
     corrections: tuple[float, ...] = ()
+    given: Floats | None = None
 
     @cached_property
     def light(self) -> Floats:
@@ -79,6 +81,8 @@ class LightTarget:
         Raises UserError : see `read_picture` and `formula_light`.
         """
         target = self.settings
+        if self.given is not None:
+            return self.given
         if target.kind == "tophat":
             light = uniform_region(target.shape, target.pixels, target.lit)
             if not light.any():
@@ -210,9 +214,7 @@ class LightTarget:
         settings = replace(
             self.settings, kind="image", fit="stretch", half_width=screen.half_width, pixels=screen.pixels
         )
-        target = LightTarget(settings, self.receiver)
-        target.__dict__["light"] = irradiance / screen.projection()  # in place of a picture that is read
-        return target
+        return LightTarget(settings, self.receiver, given=irradiance / screen.projection())
 
     def irradiance(self, screen: Screen, flux: float) -> Floats:
         """Return the target irradiance on a screen's pixels, or on their parts, see `target_irradiance`."""

@@ -24,11 +24,10 @@ import numpy as np
 
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import rel_l2
-from optics.scene.system import OpticalSystem, require_lens_on_axis, require_light_of_one_lens
+from optics.scene.system import System, require_lens_on_axis, require_light_of_one_lens
 from optics.tolerancing.form_errors.local_formula import SIDES, Floats, LocalFormula, local_formula_of
 from optics.tolerancing.form_errors.period_bands import Band, BandFormula, period_bands_of, seen_by_cells
 from optics.tolerancing.perturbations import HeightSum, random_field
-from thbcad.lens import Lens
 from thbcad.outlines import Outline
 
 Progress = Callable[[str, int, int], None]
@@ -128,7 +127,7 @@ class FormErrors:
 
 
 def form_errors_of(
-    system: OpticalSystem, lens: Lens, backend: Backend, rise: float, progress: Progress | None = None
+    system: System, backend: Backend, rise: float, progress: Progress | None = None
 ) -> FormErrors:
     """Return what form errors of front and rear cost.
 
@@ -138,6 +137,7 @@ def form_errors_of(
     Raises UserError : a rise that is not positive; an extended or blurred source; a plate before a plane; a
         lens that brings no light.
     """
+    lens = system.designed
     require_lens_on_axis(system, "errors of form", "thbcad tolerance knows its other errors")
     require_light_of_one_lens(system, "errors of form")
     if not 0 < rise < np.inf:
@@ -150,7 +150,7 @@ def form_errors_of(
 
         @cache
         def formula_of(counts: Counts, side: str = side) -> LocalFormula:
-            return local_formula_of(system, lens, side, backend, counts)
+            return local_formula_of(system, side, backend, counts)
 
         formula = formula_of((nx, ny))
         probed = _Probed(formula, _target(system, formula), getattr(lens, side).outline, formula_of)
@@ -232,7 +232,7 @@ def _cell(formula: LocalFormula) -> tuple[float, float]:
     return wide / nx, high / ny
 
 
-def _target(system: OpticalSystem, formula: LocalFormula) -> Floats:
+def _target(system: System, formula: LocalFormula) -> Floats:
     """Return the picture that is asked for: the irradiance on the pixels, in the far field the intensity."""
     if formula.irradiance.sum() <= 0:
         raise UserError(

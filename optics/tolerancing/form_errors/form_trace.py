@@ -12,9 +12,8 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import HeightError
 from optics.scene.receivers import Screen
 from optics.scene.sources import SourceCells
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,7 @@ class FormTrace:
     system : its source has no extent.  backend : of double precision.
     """
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     cells: SourceCells
     backend: Backend
 
@@ -61,7 +59,7 @@ class FormTrace:
         dr, system, shape = self.backend.dr, self.system, (len(self.cells.s), len(self.cells.t))
         rays = self.cells.rays()
         rays = replace(rays, flux=np.ones_like(rays.flux))
-        path = system.path(self.lens).with_height_errors((front, rear))
+        path = system.path.with_height_errors((front, rear))
         tracer = Tracer(self.backend, path, rays)
         with dr.suspend_grad():
             (at_front, at_rear), landing = tracer.trace_all()
@@ -117,7 +115,7 @@ class FormTrace:
         return cells, (x, y, passing, passing > 0)
 
 
-def form_obstacle(system: OpticalSystem) -> str | None:
+def form_obstacle(system: System) -> str | None:
     """Return why form errors of a system are not computed, a sentence; None where they are."""
     if not (system.source.extended or system.blurred):
         return None
@@ -127,7 +125,7 @@ def form_obstacle(system: OpticalSystem) -> str | None:
     )
 
 
-def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tuple[int, int]) -> FormTrace:
+def form_trace(system: System, backend: Backend, counts: tuple[int, int]) -> FormTrace:
     """Return the FormTrace of (nx, ny) cells.
 
     The cells end at the rim of what parallel light meets, so that none is cut.  Others that a rim cuts are
@@ -135,11 +133,12 @@ def form_trace(system: OpticalSystem, lens: Lens, backend: Backend, counts: tupl
 
     Raises UserError : an extended source, a beam with divergence, rough surfaces.
     """
+    lens = system.designed
     if obstacle := form_obstacle(system):
         raise UserError(obstacle)
     front, rear = lens.front.half_width, lens.rear.half_width
     lit = (min(front[0], rear[0]), min(front[1], rear[1])) if system.parallel else front
-    return FormTrace(system, lens, system.source.cells(counts, lit), backend)
+    return FormTrace(system, system.source.cells(counts, lit), backend)
 
 
 def _picture(image: DrArray, screen: Screen) -> Floats:

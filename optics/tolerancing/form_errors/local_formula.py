@@ -30,9 +30,8 @@ from scipy.ndimage import gaussian_filter
 from optics.base.runtime import Backend, UserError
 from optics.scene.paths import HeightError
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.form_errors.form_trace import ConstantJet, Floats, FormTrace, Traced, form_trace
-from thbcad.lens import Lens
 
 STEP = 1e-5  # of the source's extent, mm and slopes, in central differences: errors below 1e-8
 INSIDE = 1e-4  # of the source's extent, by which cells end before its rim: rays beside it are traced too
@@ -121,9 +120,7 @@ class LocalFormula:
         return np.asarray(np.where(known, smooth / np.where(known, weight, 1.0), np.nan))
 
 
-def local_formula_of(
-    system: OpticalSystem, lens: Lens, side: str, backend: Backend, counts: tuple[int, int]
-) -> LocalFormula:
+def local_formula_of(system: System, side: str, backend: Backend, counts: tuple[int, int]) -> LocalFormula:
     """Return the LocalFormula of a lens.
 
     side : "front" or "rear".  backend : of double precision.  counts : (nx, ny) cells of the source.
@@ -132,7 +129,7 @@ def local_formula_of(
     """
     if side not in SIDES:
         raise UserError(f'the side of a form error must be "front" or "rear", got {side!r}')
-    trace, nominal = _traced_inside(form_trace(system, lens, backend, counts))
+    trace, nominal = _traced_inside(form_trace(system, backend, counts))
     cells = trace.cells
 
     def derivative(before: Traced, after: Traced, step: float) -> Floats:

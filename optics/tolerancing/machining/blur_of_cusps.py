@@ -27,10 +27,9 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import LightPath, SlopeErrors
 from optics.scene.receivers import Screen
 from optics.scene.sources import RayGrid, Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.machining.tool_order import ToolOrder
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.splines import BSplineSurface
 from thbcad.tools import Cusps, ball_cusps, nose_cusps
 
@@ -55,14 +54,12 @@ class LandingResponse:
     jacobian: Floats
 
 
-def landing_response(
-    system: OpticalSystem, lens: Lens, backend: Backend, name: str, side: int
-) -> LandingResponse:
+def landing_response(system: System, backend: Backend, name: str, side: int) -> LandingResponse:
     """Return the response to slopes of the "front" or the "rear", for about side x side rays of the source.
 
     Central differences of the exact trace; the surfaces stay where they are.
     """
-    path, rays = system.path(lens), system.source.rays((side, side))
+    path, rays = system.path, system.source.rays((side, side))
     surface = system.number_of(name)
     x, y = crossings(path, backend, surface, rays)
     half_width = system.target.screen().half_width
@@ -173,8 +170,7 @@ class CuspLight:
 
 
 def light_with_cusps(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     backend: Backend,
     name: str,
     slopes: Callable[[Floats, Floats], Floats],
@@ -190,7 +186,7 @@ def light_with_cusps(
     screen = system.target.screen()
     colours = [
         (weight, _by_phase(system, path, backend, name, slopes))
-        for weight, path in coloured(system, system.path(lens))
+        for weight, path in coloured(system, system.path)
     ]
 
     def light(phase: float) -> Floats:
@@ -203,7 +199,7 @@ def light_with_cusps(
 
 
 def _by_phase(
-    system: OpticalSystem,
+    system: System,
     path: LightPath,
     backend: Backend,
     name: str,

@@ -10,7 +10,7 @@ import numpy as np
 
 from optics.base.runtime import Backend, Check, UserError
 from optics.light.blur import spot_width
-from optics.scene.system import OpticalSystem, require_lens_on_axis
+from optics.scene.system import System, require_lens_on_axis
 from optics.tolerancing.machining.blur_of_cusps import (
     CuspBlur,
     CuspLight,
@@ -22,7 +22,6 @@ from optics.tolerancing.machining.blur_of_cusps import (
 )
 from optics.tolerancing.machining.tool_order import SPEED, ToolOrder
 from thbcad.certified import Enclosure
-from thbcad.lens import Lens
 from thbcad.outlines import Outline
 from thbcad.splines import BSplineSurface
 from thbcad.tools import (
@@ -169,15 +168,14 @@ class ToolFindings:
         return checks
 
 
-def tool_findings(
-    system: OpticalSystem, lens: Lens, order: ToolOrder, backend: Backend, rays: int = RAYS
-) -> ToolFindings:
+def tool_findings(system: System, order: ToolOrder, backend: Backend, rays: int = RAYS) -> ToolFindings:
     """Return what a tool does on a lens.
 
     rays : in each direction, by which the blur is mapped.
 
     Raises UserError : no lens on the axis; a nose on a plate.
     """
+    lens = system.designed
     require_lens_on_axis(system, "tools", "export its solid for the program of the machine")
     array, body = system.problem.optic.array, system.body
     if array is not None and order.spiral:
@@ -186,26 +184,21 @@ def tool_findings(
     if order.radius is None:
         names = []
     pixel = float(np.mean(system.target.screen().pitch))
-    yardstick = max(1.0, OF_BLUR * spot_width(system, lens, backend) / pixel) if names else 1.0
-    surfaces = tuple(_surface(system, lens, order, backend, name, rays, yardstick) for name in names)
+    yardstick = max(1.0, OF_BLUR * spot_width(system, backend) / pixel) if names else 1.0
+    surfaces = tuple(_surface(system, order, backend, name, rays, yardstick) for name in names)
     found = draft(lens) if array is None and body is None else replace(draft(lens), walls=())
     lenses, body_draft = 1 if array is None else array.count, None if body is None else body.draft
     return ToolFindings(order, surfaces, found, body_draft, lenses)
 
 
 def _surface(
-    system: OpticalSystem,
-    lens: Lens,
-    order: ToolOrder,
-    backend: Backend,
-    name: str,
-    rays: int,
-    yardstick: float,
+    system: System, order: ToolOrder, backend: Backend, name: str, rays: int, yardstick: float
 ) -> SurfaceFindings:
+    lens = system.designed
     graph, radius, outline = air_side(lens, name), order.radius, getattr(lens, name).outline
     assert radius is not None  # surfaces are looked at for a tool
     fit = nose_fit(graph, radius, _turned(outline)) if order.spiral else ball_fit(graph, radius, outline)
-    response = landing_response(system, lens, backend, name, rays)
+    response = landing_response(system, backend, name, rays)
     blur = cusp_blur(graph, response, system.target.screen(), order) if len(response.x) else None
     if blur is not None and blur.unknown == 1:
         blur = None
@@ -219,7 +212,7 @@ def _surface(
             def slopes(x: Floats, y: Floats) -> Floats:
                 return np.nan_to_num(cusps_of(graph, x, y, order, pitch).slopes)
 
-            return light_with_cusps(system, lens, backend, name, slopes, pitch * blur.worst()[0])
+            return light_with_cusps(system, backend, name, slopes, pitch * blur.worst()[0])
 
         light = cut_light(pitch)
         finer = _finer_pitch(cut_light, pitch, light)

@@ -12,7 +12,7 @@ import numpy as np
 from optics.base.runtime import Backend, UserError
 from optics.light.analysis import Measurement, Verdict, contrast_error, delivery_checks, judged, measure
 from optics.scene.problem import Verify
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.machining import landing_response
 from optics.tolerancing.metrology.alignment import (
     Alignment,
@@ -139,8 +139,7 @@ def with_surface(lens: Lens, side: Side, surface: FreeformSurface) -> Lens:
 
 
 def light_as_built(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     measured: MeasuredPoints,
     backend: Backend,
     side: Side,
@@ -158,24 +157,26 @@ def light_as_built(
     Raises UserError : another surface or alignment, points that do not determine the surface or make no lens,
         a surface that light meets from behind too, or a best fit that is asked for and does not exist.
     """
+    lens = system.designed
     designed = surface_of(lens, side)
     _require_met_in_front(system, side)
     points, outlying = without_outliers(designed, measured.points)
     aligned, no_fit = _alignments(designed, points, way)
     chosen = made_surface(designed, aligned[way])
-    lit = landing_response(system, lens, backend, side, RAYS)
+    lit = landing_response(system, backend, side, RAYS)
     known = measured_light(aligned[way].points[:2], lit, designed.outline)
 
     def rel_l2(surface: FreeformSurface) -> float:
-        made = with_surface(lens, side, surface)
-        return float(measure(system, made, backend).metrics["rel_l2"])
+        other = system.with_lens(with_surface(lens, side, surface))
+        return float(measure(other, backend).metrics["rel_l2"])
 
     made = with_surface(lens, side, chosen.surface)
     try:
         require_sound(made)
     except ValueError as error:
         raise UserError(f"no lens has the {side} that was measured: {error}") from None
-    measurement = measure(system, made, backend)
+    built = system.with_lens(made)
+    measurement = measure(built, backend)
     corrects = correct and len(system.seen_receivers) == 1  # tolerances follow the light of one lens
     rel_l2_of = {way: float(measurement.metrics["rel_l2"])}
     for other in {*aligned} - {way}:
@@ -190,16 +191,16 @@ def light_as_built(
         fitted=aligned.get("best fit"),
         no_fit=no_fit,
         outlying=outlying or next(filter(None, (outliers(designed, each) for each in aligned.values())), ""),
-        nominal=nominal or measure(system, lens, backend),
+        nominal=nominal or measure(system, backend),
         measurement=measurement,
         rel_l2_of=rel_l2_of,
         known=known,
         light_error=None if known < 1 else _light_error(chosen, aligned[way], rel_l2_of[way], rel_l2),
-        correction=rigid_correction(system, made, measurement.target, backend) if corrects else None,
+        correction=rigid_correction(built, measurement.target, backend) if corrects else None,
     )
 
 
-def _require_met_in_front(system: OpticalSystem, side: Side) -> None:
+def _require_met_in_front(system: System, side: Side) -> None:
     """Raise UserError where light meets the measured surface from behind: such surfaces are traced without
     what was measured."""
     optic = system.problem.optic

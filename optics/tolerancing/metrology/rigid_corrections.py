@@ -16,10 +16,9 @@ import numpy as np
 
 from optics.base.runtime import Backend
 from optics.light.analysis import rel_l2, unit_mean
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance, tolerances_of
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 MOST_STEPS = 6  # lenses that lie some pixels beside their place settle in four; tilt and decentre part slowly
 HALVINGS = 3
@@ -57,12 +56,12 @@ class RigidCorrection:
     perturbation: Perturbation
 
 
-def rigid_correction(system: OpticalSystem, lens: Lens, target: Floats, backend: Backend) -> RigidCorrection:
+def rigid_correction(system: System, target: Floats, backend: Backend) -> RigidCorrection:
     """Return the RigidCorrection of a made lens.
 
     target : the light asked for, (rows, columns), at any scale.  backend : of double precision.
     """
-    light = PerturbedLight(system, lens, backend)
+    light = PerturbedLight(system, backend)
     trial = _Trial(light, unit_mean(target))
     motions = _motions(light)
     total, here = NOMINAL, trial.image(NOMINAL)

@@ -13,10 +13,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from optics.base.runtime import UserError
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.perturbations import Perturbation, random_field
 from thbcad.checks import require_integer, require_number
-from thbcad.lens import Lens
 
 REPLICATES = 8  # independent scramblings of the points: their spread tells the error of every result
 MOST_SAMPLES = 1 << 20
@@ -47,10 +46,8 @@ class FormTolerance:
     def name(self) -> str:
         return f"{self.surface}.form"
 
-    def drawn(self, system: OpticalSystem, lens: Lens, seed: int) -> Perturbation:
+    def drawn(self, system: System, seed: int) -> Perturbation:
         """Return one form error, of its rms over the outline of the surface.
-
-        lens : of the element that is designed.
 
         Raises UserError : a surface that is not there; see `random_field`.
         """
@@ -59,7 +56,7 @@ class FormTolerance:
             names = " or ".join(f'"{name}"' for name in faces)
             raise UserError(f"a form error is one of {names}, got {self.surface!r}")
         optic, side = faces[self.surface].optic, faces[self.surface].face
-        shape = getattr(next(made for one, made in system.elements(lens) if one is optic), side)
+        shape = getattr(next(made for one, made in system.elements if one is optic), side)
         field = random_field(self.band, self.rms, shape.half_width, seed, shape.corners)
         return Perturbation.on(optic, system.problem.optic, **{f"{side}_error": field})
 

@@ -17,11 +17,10 @@ from optics.base.runtime import grade, load_backend
 from optics.base.workers import WorkerPool, run_tasks
 from optics.light.analysis import delivered, delivery_checks
 from optics.light.blur import spot_rms
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, Draw, FormTolerance, draws
 from optics.tolerancing.monte_carlo_samples.sample_batch import SampleBatch
 from optics.tolerancing.perturbations import NOMINAL, Perturbation, PerturbedLight, Tolerance
-from thbcad.lens import Lens
 
 FIELDS = 4  # form errors, with both signs, whose mean rise of rel_l2^2 is told: they differ by some per cent
 
@@ -33,8 +32,7 @@ class ErrorModel:
     target : the light asked for, (rows, columns), at any scale.  floats : the target follows the light.
     """
 
-    system: OpticalSystem
-    lens: Lens
+    system: System
     target: NDArray[np.float64]
     tolerances: tuple[Tolerance, ...]
     forms: tuple[FormTolerance, ...] = ()
@@ -43,14 +41,14 @@ class ErrorModel:
     @cached_property
     def light(self) -> PerturbedLight:
         """What traces the lenses, on one thread; every worker builds its own."""
-        return PerturbedLight(self.system, self.lens, load_backend("double", 1), floats=self.floats)
+        return PerturbedLight(self.system, load_backend("double", 1), floats=self.floats)
 
     @cached_property
     def blur(self) -> float:
         """Of the light behind the designed lens, see `blur.spot_rms`; 0 where no verdict needs it."""
         if self.system.target.uniform_region is None:
             return 0.0
-        return spot_rms(self.system, self.lens, self.light.backend)
+        return spot_rms(self.system, self.light.backend)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is sent to workers: all but the device's part."""
@@ -67,7 +65,7 @@ class ErrorModel:
     def form(self, seed: int) -> list[Perturbation]:
         """Return random form errors of the surfaces.  seed : of all of them."""
         seeds = np.random.default_rng(seed).integers(1 << 63, size=len(self.forms))
-        return [form.drawn(self.system, self.lens, int(s)) for form, s in zip(self.forms, seeds)]
+        return [form.drawn(self.system, int(s)) for form, s in zip(self.forms, seeds)]
 
     def irradiance(self, draw: Draw) -> NDArray[np.float64]:
         """Return the light of a lens, (rows, columns)."""

@@ -12,7 +12,7 @@ from optics.scene.materials import Material
 from optics.scene.paths import HeightError, LightPath, Medium
 from optics.scene.problem import FaceMet, Optic
 from optics.scene.sources import RayGrid, Rays, SourceCells
-from optics.scene.system import OpticalSystem, indexing_material, pose_of
+from optics.scene.system import System, indexing_material, pose_of
 from optics.tolerancing.perturbations.perturbation import ElementErrors, Perturbation
 from thbcad.checks import Floats
 from thbcad.lens import FreeformSurface, Lens
@@ -37,7 +37,7 @@ class PerturbedParts:
     own: Pose
 
     @classmethod
-    def of(cls, system: OpticalSystem, lens: Lens, p: Perturbation, shaded: bool = False) -> PerturbedParts:
+    def of(cls, system: System, p: Perturbation, shaded: bool = False) -> PerturbedParts:
         """Return the parts of a system whose elements, source and target a perturbation changes.
 
         shaded : among the bodies of all elements and the screen.
@@ -49,9 +49,8 @@ class PerturbedParts:
         on_axis = system.lens_on_axis
         back = Pose.at(p.lens_shift, p.lens_tilt).inverse() if on_axis else IDENTITY
         source = back @ Pose.at(p.source_shift, p.source_tilt, system.source.middle)
-        others = {optic.called: _made(system, optic, blank, p) for optic, blank in system.others}
-        made, designed = system.shaped_as(others), _made(system, system.problem.optic, lens, p)
-        path = made.shaded_path(designed) if shaded else made.path(designed)
+        made = system.with_shapes({o.called: _made(system, o, lens, p) for o, lens in system.elements})
+        path = made.shaded_path if shaded else made.path
         own, faces = path.receiver.pose, system.problem.faces_met
         target = Pose.at(own.directions(p.target_shift), own.directions(p.target_tilt), own.shift)
         errors = [p.of(face.optic, system.problem.optic) for face in faces]
@@ -99,7 +98,7 @@ class PerturbedParts:
         return all(np.abs(row).max() <= h * (1 + 1e-12) for row, h in zip((s, t), self.half_width))
 
 
-def perturbed_media(system: OpticalSystem, media: Sequence[Medium], p: Perturbation) -> list[Medium]:
+def perturbed_media(system: System, media: Sequence[Medium], p: Perturbation) -> list[Medium]:
     """Return media of the path, those of lenses with indices that err."""
 
     def erring(face: FaceMet, medium: Medium) -> Medium:
@@ -132,7 +131,7 @@ def perturbed_lens(lens: Lens, p: ElementErrors, material: Material | None) -> L
         raise UserError(f"no lens has such an error: {error}") from None
 
 
-def _made(system: OpticalSystem, optic: Optic, lens: Lens, p: Perturbation) -> Lens:
+def _made(system: System, optic: Optic, lens: Lens, p: Perturbation) -> Lens:
     """Return what becomes of an element's lens or blank."""
     material = indexing_material(system.problem, optic)
     return perturbed_lens(lens, p.of(optic, system.problem.optic), material)

@@ -12,7 +12,7 @@ from typing import Literal
 
 from optics.base.runtime import UserError
 from optics.scene.problem import MirrorElement, Optic, Placed
-from optics.scene.system import OpticalSystem, indexing_material
+from optics.scene.system import System, indexing_material
 from optics.tolerancing.perturbations.perturbation import Perturbation
 from thbcad.lens import Lens
 
@@ -62,7 +62,7 @@ class Tolerance:
         return amount * self.change
 
 
-def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = None) -> tuple[Tolerance, ...]:
+def tolerances_of(system: System, amounts: Mapping[str, float] | None = None) -> tuple[Tolerance, ...]:
     """Return the tolerances of a system, those of amount 0 left out.
 
     amounts : other amounts by name; "lens.tilt" stands for "lens.tilt_x", "lens.tilt_y" and "lens.tilt_z".
@@ -81,7 +81,7 @@ def tolerances_of(system: OpticalSystem, amounts: Mapping[str, float] | None = N
     return tuple(replace(t, amount=chosen[n]) for n, t in known.items() if chosen[n])
 
 
-def _own(system: OpticalSystem, name: str) -> tuple[Optic | None, str]:
+def _own(system: System, name: str) -> tuple[Optic | None, str]:
     """Return the element that a name begins with, and the rest; all names of a lens on the axis are its."""
     if not system.problem.element:
         return system.problem.optic, name
@@ -89,7 +89,7 @@ def _own(system: OpticalSystem, name: str) -> tuple[Optic | None, str]:
     return next((optic for optic in system.problem.optics if optic.called == called), None), own
 
 
-def _why_not(system: OpticalSystem, name: str, known: Mapping[str, Tolerance]) -> str:
+def _why_not(system: System, name: str, known: Mapping[str, Tolerance]) -> str:
     """Return why there is no tolerance of a name."""
     optic, own = _own(system, name)
     part = name.rpartition(".")[0] if system.problem.element else f"the {name.rpartition('.')[0]}"
@@ -122,9 +122,9 @@ def _checked(name: str, amount: object) -> float:
     return float(amount)
 
 
-def _usual(system: OpticalSystem) -> list[Tolerance]:
+def _usual(system: System) -> list[Tolerance]:
     """Return all tolerances of a system, with their usual amounts."""
-    rows = [row for optic, lens in system.elements(system.base) for row in _of_element(system, optic, lens)]
+    rows = [row for optic, lens in system.unshaped.elements for row in _of_element(system, optic, lens)]
     source = system.source
     # parallel light along z has no distance
     defocus = 0.0 if source.beam and source.frame.rotation[2, 2] >= STRAIGHT else SOURCE_SEAT
@@ -136,7 +136,7 @@ def _usual(system: OpticalSystem) -> list[Tolerance]:
     return rows + _placed("target", room, throw, ROOM_TILT, AXES, "target")
 
 
-def _of_element(system: OpticalSystem, optic: Optic, lens: Lens) -> list[Tolerance]:
+def _of_element(system: System, optic: Optic, lens: Lens) -> list[Tolerance]:
     """Return the tolerances of an element.  lens : it, or its blank."""
     placed, front = isinstance(optic, Placed), lens.front
     errors, own = partial(Perturbation.on, optic, system.problem.optic), f"{optic.called}." if placed else ""

@@ -16,7 +16,7 @@ from optics.base.runtime import Backend, UserError, speaking_of
 from optics.light.analysis import rel_l2, unit_mean
 from optics.light.blur import spot_rms
 from optics.scene.sources import SourceGroup
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.perturbations.light_limits import (
     LightJudge,
     LightNumbers,
@@ -32,7 +32,6 @@ from optics.tolerancing.perturbations.tolerance_effects import Allowed, Toleranc
 from optics.tolerancing.perturbations.tolerance_names import Tolerance, tolerances_of
 from optics.tolerancing.perturbations.traced_light import PerturbedLight
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 
 TENTH = 0.1  # of a pixel: what light moves by where model and trace are compared
 STILL = 1e-9  # of a pixel per amount: what moves no light
@@ -47,8 +46,7 @@ FREE = 100.0  # times the usual amount: an error that may be so large needs no c
 
 
 def tolerance_budget(
-    system: OpticalSystem,
-    lens: Lens,
+    system: System,
     target: Floats,
     backend: Backend,
     amounts: Mapping[str, float] | None = None,
@@ -70,7 +68,7 @@ def tolerance_budget(
     chosen = tolerances_of(system, amounts)
     if not chosen:
         raise UserError("every tolerance is 0, so that nothing is left to look at; give one an amount")
-    trial = _Trial(PerturbedLight(system, lens, backend, floats=floats), target, asked)
+    trial = _Trial(PerturbedLight(system, backend, floats=floats), target, asked)
     effects = []
     for k, tolerance in enumerate(chosen):
         if progress:
@@ -95,8 +93,7 @@ class _Trial:
 
     def __init__(self, light: PerturbedLight, target: Floats, limits: Mapping[str, float] | None) -> None:
         self._light, self._linear = light, LinearLight(light)
-        system = light.system
-        blur = 0.0 if light.by_cells else spot_rms(system, light.lens, light.backend)
+        blur = 0.0 if light.by_cells else spot_rms(light.system, light.backend)
         self.judge = LightJudge(unit_mean(target), light, blur)
         self.scaled, here = unit_mean(self._linear.irradiance), self._linear.estimate
         self.here = self.judge.numbers(here)
@@ -153,8 +150,8 @@ class _Trial:
         for out in lit if len(lit) > 1 else []:
             others = tuple(member for member in lit if member is not out)
             rest = replace(source, members=others, flux=source.flux - out.flux)
-            system = replace(light.system, own=replace(light.system.own, source=rest))
-            rest_of_light, _ = PerturbedLight(system, light.lens, light.backend).estimate()
+            system = light.system.with_prescription(own=replace(light.system.own, source=rest))
+            rest_of_light, _ = PerturbedLight(system, light.backend).estimate()
             found.append(self.judge.numbers(rest_of_light))
         return tuple(found)
 

@@ -17,11 +17,10 @@ from optics.light.tracing import Landing, SequentialFates, Tracer
 from optics.scene.paths import SlopeErrors
 from optics.scene.receivers import BoxWindow
 from optics.scene.sources import RayGrid, Rays, SourceCells
-from optics.scene.system import OpticalSystem, require_light_of_one_lens
+from optics.scene.system import System, require_light_of_one_lens
 from optics.tolerancing.perturbations.perturbation import NOMINAL, Perturbation
 from optics.tolerancing.perturbations.perturbed_parts import PerturbedParts, perturbed_media
 from thbcad.checks import Floats
-from thbcad.lens import Lens
 from thbcad.poses import Pose
 
 Trace = Callable[["RayGrid | Rays"], tuple[Tracer, "Landing"]]
@@ -51,20 +50,15 @@ class PerturbedLight:
     """
 
     def __init__(
-        self,
-        system: OpticalSystem,
-        lens: Lens,
-        backend: Backend,
-        per_pixel: int | None = None,
-        floats: bool = False,
+        self, system: System, backend: Backend, per_pixel: int | None = None, floats: bool = False
     ) -> None:
         require_light_of_one_lens(system, "tolerances")
-        self.system, self.lens, self.backend, self.floats = system, lens, backend, floats
+        self.system, self.backend, self.floats = system, backend, floats
         self.screen, boxes = system.target.screen(), box_screen(system)
         self._screens = [self.screen] if boxes is None else [self.screen, boxes]
         self.by_cells = not (system.source.extended or system.blurred)
         self._shown = self.screen.projection()
-        path = system.path(lens)
+        path = system.path
         self._media = [(weight, one.media) for weight, one in coloured(system, path)]
         self._first, self._before = path.surfaces[0], path.before
         pixels, self._shaded = self.screen.pixels, not system.axial
@@ -108,7 +102,7 @@ class PerturbedLight:
 
     def parts(self, perturbation: Perturbation) -> PerturbedParts:
         """Return the perturbed parts.  Bodies that take none of the design's light are left out."""
-        return PerturbedParts.of(self.system, self.lens, perturbation, self._shaded)
+        return PerturbedParts.of(self.system, perturbation, self._shaded)
 
     def moved_by(self, perturbation: Perturbation) -> float:
         """Return how far light moves on the target, flux-weighted mean, mm (degrees in the far field)."""

@@ -7,10 +7,9 @@ from tests.optics.cases import small_system
 
 @pytest.fixture
 def made(tmp_path):
-    """A function from changes of the small problem to (system, lens before optimisation)."""
+    """A function from changes of the small problem to their system."""
 
     def make(changes):
-        system = small_system(tmp_path, changes)
-        return system, system.base
+        return small_system(tmp_path, changes)
 
     return make

@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 import optics
 from optics.designing.etendue import universal_bound
 from optics.designing.etendue.brightness_limit import least_distance
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import examples
 from tests.optics.cases import HOLLOW, flat_problem, small_system
 
@@ -136,7 +136,7 @@ def test_no_bound_forbids_the_light_of_a_wide_beam_through_a_thin_plate():
             kind="tophat", shape="rectangle", distance=5.0, half_width=(0.5, 0.5), pixels=(4, 4)
         ),
     )
-    bound = universal_bound(OpticalSystem(wide))
+    bound = universal_bound(System(wide))
     assert bound.peak >= 1 / 400
     assert bound.most_on_target >= 1 / 400
 
@@ -159,7 +159,7 @@ def test_the_brightest_pixel_is_the_radiance_times_the_area_within_the_outline(o
         "rounded": 4 * a * b - (4 - np.pi) * 4.0**2,
         "rectangle": 4 * a * b,
     }[outline]
-    bound = universal_bound(OpticalSystem(problem))
+    bound = universal_bound(System(problem))
     candela = bound.peak * np.degrees(1.0) ** 2
     walls = 2 * np.hypot(a, b) * problem.lens.thickness * np.tan(np.radians(0.5)) * 2**0.5
     assert 1000 / np.pi * area <= candela <= 1000 / np.pi * 1.003 * (area + walls)

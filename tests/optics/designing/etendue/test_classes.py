@@ -44,7 +44,7 @@ def test_a_stretched_image_of_the_same_area_is_not_forbidden(stripes):
     """Images of 2 x 13 pixels draw it, two in each stripe; squares of their area, or less, cannot."""
     screen = stripes.target.screen()
     target = stripes.target.irradiance(screen, 1.0)
-    squares = one_blur(stripes, stripes.lens, EFFICIENCY, FIXED_QUICK, any_form=False)
+    squares = one_blur(stripes, EFFICIENCY, FIXED_QUICK, any_form=False)
     area = np.prod(squares.width)
     assert 20 < area < 2 * 13
     light = np.zeros((32, 32))
@@ -53,7 +53,7 @@ def test_a_stretched_image_of_the_same_area_is_not_forbidden(stripes):
             light += np.outer(covered(top, top + 13, 32), covered(left, left + 2, 32))
     attained = rel_l2(light, target)
     assert attained < 0.055
-    free = one_blur(stripes, stripes.lens, EFFICIENCY, SEARCH_QUICK)
+    free = one_blur(stripes, EFFICIENCY, SEARCH_QUICK)
     assert squares.bound.lower_bound >= 0.4472
     assert free.bound.lower_bound <= attained
     assert universal_bound(stripes).least_rel_l2(EFFICIENCY) <= attained
@@ -63,8 +63,8 @@ def test_a_stretched_image_of_the_same_area_is_not_forbidden(stripes):
 def test_the_area_of_images_is_that_of_what_shines(tmp_path, profile):
     """Of a round source an image is a disk, and its square has more than the area that etendue asks for."""
     system = small_system(tmp_path, STRIPES | {"source.profile": profile})
-    images = one_blur(system, system.base, EFFICIENCY, FIXED_QUICK, any_form=False)
-    least = image_area(system, system.base, EFFICIENCY, 0.25)
+    images = one_blur(system, EFFICIENCY, FIXED_QUICK, any_form=False)
+    least = image_area(system, EFFICIENCY, 0.25)
     assert 4 * np.prod(images.half_width) * images.filled == pytest.approx(least)
     pixels = least / system.target.screen().pixel_area
     assert f"at least {pixels:.4g} square pixels" in blur_sentence(images)
@@ -94,7 +94,7 @@ def test_images_of_different_sizes_are_outside_the_class_of_one_blur():
     screen = system.target.screen()
     light, mean = sheared(0.25, 6)
     attained = rel_l2(light, system.target.irradiance(screen, 1.0))
-    needed = image_area(system, system.base, EFFICIENCY, attained) / screen.pixel_area
+    needed = image_area(system, EFFICIENCY, attained) / screen.pixel_area
     assert attained < 0.016
     assert mean >= needed > 100  # etendue asks for no more
     assert universal_bound(system).least_rel_l2(EFFICIENCY) <= attained
@@ -103,9 +103,9 @@ def test_images_of_different_sizes_are_outside_the_class_of_one_blur():
 @pytest.mark.slow
 def test_a_design_with_such_images_is_told_which_class_it_left():
     system = example_system("extended")
-    found = reached_sentences(system, system.base, {"rel_l2_debiased": 0.016, "efficiency": EFFICIENCY})
+    found = reached_sentences(system, {"rel_l2_debiased": 0.016, "efficiency": EFFICIENCY})
     (every, _, free), (alike,) = found.background, found.limits
-    bound = one_blur(system, system.base, EFFICIENCY, FIXED_QUICK, any_form=False).bound.lower_bound
+    bound = one_blur(system, EFFICIENCY, FIXED_QUICK, any_form=False).bound.lower_bound
     assert bound > 0.08
     assert alike.endswith("left the class: its images of the source are not all alike")
     assert "left" not in every + free

@@ -50,7 +50,7 @@ def test_the_envelope_holds_the_land_of_a_body(tmp_path, keys):
     body = {"lens.body.annulus": True, "lens.outline": "round", "lens.rear.freeform.z_freedom": 0.5}
     system = small_system(tmp_path, GLOWING | body | keys)
     inside = Delaunay(envelope(system))
-    for outline, z in designed_part(system, system.base).made.level_edges:
+    for outline, z in designed_part(system).made.level_edges:
         for piece in outline.pieces:
             x, y = piece(np.linspace(*piece.ends, 9))
             points = np.stack([x, y, np.full_like(x, z)], axis=1)

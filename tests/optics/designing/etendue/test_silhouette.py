@@ -16,7 +16,7 @@ from optics.designing.etendue.silhouette import (
 )
 from optics.scene.problem import Problem
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.seen_envelope import sampled_etendue, sampled_faces, sampled_lenses
 from tests.cases import examples, slow_unless
 from tests.optics.cases import HOLLOW, example_system, flat_problem, small_system
@@ -92,7 +92,7 @@ def any_faces(draw):
 def disk_system(target):
     """Return the system of a round lens of plane faces, of radius 10 mm and 6 mm thick."""
     rear = {"half_width": (10, 10), "freeform": {"spans": (2, 2), "z_freedom": 1e-4}}
-    return OpticalSystem(flat_problem(EMITTER, target, {"outline": "round", "rear": rear}))
+    return System(flat_problem(EMITTER, target, {"outline": "round", "rear": rear}))
 
 
 def test_the_far_field_sees_the_disk_of_a_round_flat_lens():
@@ -163,7 +163,7 @@ def test_pixels_get_no_more_than_their_bound_and_not_much_less(
     lens = {"index": 1.5, "thickness": 15.0, "front": front, "rear": rear, "outline": outline}
     lens |= {"corner_radius": 0.8} if outline == "rounded" else {}
     target = target_of(pitch, distance) | {"distance": distance}
-    system = OpticalSystem(Problem(source=EMITTER, lens=lens, target=target))
+    system = System(Problem(source=EMITTER, lens=lens, target=target))
     times = over_sampled(system, sampled_lenses(system, 48))
     assert times.min() >= 1
     assert times.max() < 1.5
@@ -200,7 +200,7 @@ def test_mirrors_and_targets_anywhere_are_bounded_too(face, outline, freedom, ti
     middle = Rotation.from_euler("XYZ", turn, degrees=True).apply([0, 0, 1 if far else distance])
     place = {"surface": "far_field"} if far else {"position": tuple(middle)}
     target = target_of(pitch, distance) | {"tilt": turn} | place
-    system = OpticalSystem(Problem(source=EMITTER, element=row, target=target))
+    system = System(Problem(source=EMITTER, element=row, target=target))
     times = over_sampled(system, sampled_faces(system, 48))
     assert times.min() >= 1
     assert times.max() < 1.5

@@ -148,7 +148,7 @@ def test_solid_angle_of_pixels_in_the_far_field(tmp_path):
 def test_area_of_a_paraboloid(tmp_path):
     """z = r^2 / (2 R): over a disk 2 pi R^2 / 3 ((1 + r^2 / R^2)^(3/2) - 1); over the square by quadrature of
     scipy."""
-    lens = small_system(tmp_path).lens
+    lens = small_system(tmp_path).base
     expected = dblquad(lambda y, x: sqrt(1 + (x * x + y * y) / 1600), -10, 10, -10, 10)[0]
     assert rear_area(lens) == pytest.approx(expected, rel=1e-7)
 
@@ -161,7 +161,7 @@ def test_area_and_light_of_a_round_lens(tmp_path, backend):
     # pixels that the circle cuts count whole or not: r / 512 of it, at random
     assert rear_area(lens) == pytest.approx(2 * pi * 40**2 / 3 * ((1 + r * r) ** 1.5 - 1), rel=1e-6)
     rays = system.source.rays(RAYS)
-    tracer = Tracer(backend, system.path(lens), rays)
+    tracer = Tracer(backend, system.with_lens(lens).path, rays)
     _, landing = tracer.trace()
     beside = tracer.fates(landing, system.target.settings.half_width).by_name["beside_lens"]
     assert front_fraction(system) == pytest.approx(1 - beside / rays.total, abs=1e-12)
@@ -207,7 +207,7 @@ def test_a_picture_is_as_bright_as_its_brightest_place(tmp_path):
 
 
 def half_width(system, share, rel_l2=float("inf")):
-    return image_half_width(system, system.base, share, rel_l2)
+    return image_half_width(system, share, rel_l2)
 
 
 def test_size_of_images(tmp_path):
@@ -279,7 +279,7 @@ def test_images_of_a_lens_are_as_large_as_etendue_says(backend):
     In the hollow lens rays leave the rear within 35 degrees of its normal: at most 20 % more.
     """
     system, lens = example_system("extended"), hollow_lens()
-    images = patch_images(system, lens, backend)
+    images = patch_images(system.with_lens(lens), backend)
     patches = len(images.flux)
     at = (2 * np.arange(patches) + 1) / patches - 1
     middle = np.ix_(*[np.abs(at) < 0.5] * 2)

@@ -43,9 +43,10 @@ def designed(system, backend):
         plans.append(plan)
         calls.append((stage, dof, row))
 
-    lens, state = shape_lens(
+    shaped, state = shape_lens(
         system, backend, ExactEngine(backend), listener=Listener(progress, checkpoints.append, notes.append)
     )
+    lens = shaped.designed
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(
         system=system,

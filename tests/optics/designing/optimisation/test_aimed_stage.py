@@ -37,7 +37,7 @@ def test_sharp_light_and_the_first_steps_of_blurred_light_are_on_fewer_cells(tmp
 def test_it_sees_the_light_that_is_aimed_at(tmp_path, merge):
     changes = SUN | {"optimizer.merge": merge}
     system = small_system(tmp_path, changes)
-    traced = aimed(system, system.base, load_backend("double", 1))
+    traced = aimed(system, load_backend("double", 1))
     stage = stages(traced, True)[-2]
     assert stage.screen.pixels == traced.goal.screen().pixels
     assert stage.screen.pixels[0] > 48 // merge  # wider by the reach of the blur

@@ -37,7 +37,7 @@ def system_of(backend, **changes):
 
 
 def light_of(done, backend):
-    return measure(*done.system.with_sags(done.lens, done.lens.sags), backend).metrics
+    return measure(done.system.with_lens(done.lens), backend).metrics
 
 
 def paraboloid_light(system, backend, radius):
@@ -55,7 +55,7 @@ def paraboloid_light(system, backend, radius):
     x = np.linspace(-50.0, 50.0, 7)
     offset = lens.rear(x, x) - made(x, x)
     np.testing.assert_allclose(offset, offset[0], atol=1e-9)
-    return measure(system, lens, backend).metrics["rel_l2"]
+    return measure(system.with_lens(lens), backend).metrics["rel_l2"]
 
 
 def checked(done):
@@ -131,9 +131,9 @@ def test_a_search_that_ruins_the_light_gives_way_to_what_keeps_the_limits(backen
 def test_moved_surfaces_change_their_slopes_little_where_light_goes(backend):
     """The nearest surface whose radius of curvature is 300 mm has nowhere a smaller one, and touches it."""
     system = system_of(backend, **SMALL, **{"limits.concave_radius": 300.0})
-    shapes = LimitedShapes(system, system.base)
+    shapes = LimitedShapes(system)
     penalty = shapes.penalty(fine=False)
-    sags = system.sags(system.base)  # a paraboloid of 150 mm
+    sags = system.sags  # a paraboloid of 150 mm
     moved = shapes.moved(sags, penalty, shapes.conics(sags, penalty))
     lens = system.base.with_sags(moved)
     concave, _ = radii_within(lens, "rear", (50.0, 50.0))
@@ -172,11 +172,11 @@ def test_a_run_resumed_on_the_last_level_ends_as_the_run_in_one_go(backend):
 
 def test_a_limit_at_which_a_design_ends_is_active(backend):
     system = system_of(backend, **SMALL, **{"lens.rear.radius": 404.0, "limits.concave_radius": 400.0})
-    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags(system.base))
-    (active,) = LimitedShapes(system, system.base).active(sags)
+    sags = tuple(THBSurface(s.space, 0.0 * s.coefficients) for s in system.sags)
+    (active,) = LimitedShapes(system).active(sags)
     assert (active.key, active.wanted) == ("concave_radius", 400.0)
     far = system_of(backend, **SMALL, **{"lens.rear.radius": 412.0, "limits.concave_radius": 400.0})
-    assert LimitedShapes(far, far.lens).active(sags) == []
+    assert LimitedShapes(far).active(sags) == []
 
 
 def test_check_names_a_limit_of_a_source_with_extent_by_the_radius_that_the_start_has(backend):
@@ -212,7 +212,7 @@ def test_the_lit_part_of_the_last_element_excuses_no_other(backend):
             seen.append(penalty.keys)
             return sags
 
-    Seen(system, system.base, light).costs(system.sags(system.base), lambda _: 1.0)
+    Seen(system, light).costs(system.sags, lambda _: 1.0)
     assert seen[-1] == ("concave_radius",)
 
 

@@ -34,7 +34,7 @@ def far_sighted(system):
     rough, final = stages(system, True)[-2:]
     assert (rough.far_sighted, final.far_sighted) == (True, False)
     target = system.target.irradiance(rough.screen, 1.0)
-    return stage_objective(system, system.base, rough, target, ExactEngine(load_backend("double", 1)))
+    return stage_objective(system, rough, target, ExactEngine(load_backend("double", 1)))
 
 
 def test_its_slope_is_that_of_differences(system):

@@ -20,8 +20,8 @@ from optics.light.engines import ExactEngine
 from optics.base.runtime import load_backend
 from optics.designing.optimisation import Listener, shape_lens
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
-system, backend, checkpoints = OpticalSystem(load_problem(sys.argv[1])), load_backend("double", 1), []
+from optics.scene.system import System
+system, backend, checkpoints = System(load_problem(sys.argv[1])), load_backend("double", 1), []
 listener = Listener(checkpoint=checkpoints.append)
 whole, _ = shape_lens(system, backend, ExactEngine(backend), listener=listener)
 resumed, _ = shape_lens(system, backend, ExactEngine(backend), checkpoints[0])
@@ -118,7 +118,8 @@ def test_ctrl_c_at_any_evaluation_leaves_a_state(either, backend, row):
     evaluation = either.state.history[row].evaluation
     state = interrupted_at(either, backend, evaluation)
     assert len(state.history) == row + 1
-    lens, _ = shape_lens(either.system, backend, ExactEngine(backend), state)
+    shaped, _ = shape_lens(either.system, backend, ExactEngine(backend), state)
+    lens = shaped.designed
     assert lens.rear.sag.space.levels == 3
 
 
@@ -142,7 +143,8 @@ def check_going_on(done, backend, state):
     """Go on from an interrupted state and compare with what an interrupted run promises."""
     before = state.history
     best = min(row.loss for row in rows_of(before, done.plan[state.stage].level))
-    lens, final = shape_lens(done.system, backend, ExactEngine(backend), state)
+    shaped, final = shape_lens(done.system, backend, ExactEngine(backend), state)
+    lens = shaped.designed
     assert check_counts(final.history) > check_counts(before)
     assert final.history[: len(before)] == before
     # it goes on from the best surface so far
@@ -162,7 +164,8 @@ def test_a_run_taken_up_after_its_last_level_keeps_the_designed_surface(either, 
 
 def check_that_all_is_done(made, backend):
     """The last checkpoint holds the designed surface, from which nothing is optimised any more."""
-    lens, state = shape_lens(made.system, backend, ExactEngine(backend), made.checkpoints[-1])
+    shaped, state = shape_lens(made.system, backend, ExactEngine(backend), made.checkpoints[-1])
+    lens = shaped.designed
     x = np.linspace(-10, 10, 31)
     np.testing.assert_allclose(lens.rear.grid(x, x), made.lens.rear.grid(x, x), rtol=0, atol=1e-12)
     assert len(state.history) == len(made.state.history)

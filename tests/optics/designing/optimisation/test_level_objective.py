@@ -23,7 +23,7 @@ def test_all_light_before_a_small_rear_is_seen(tmp_path, backend, profile):
     changes |= {"source.sigma": [0.6, 0.6]} if profile == "gaussian" else {}
     system = small_system(tmp_path, changes)
     *_, stage = stages(system, False)
-    objective = stage_objective(system, system.base, stage, system.target.light, ExactEngine(backend))
+    objective = stage_objective(system, stage, system.target.light, ExactEngine(backend))
     image = objective.image(coefficients(system.base))
     root = 0.6 * sqrt(2)
     within = [h / 9.5 if profile == "uniform" else erf(h / 9.5 / root) / erf(1 / root) for h in (7.97, 6.31)]

@@ -146,7 +146,8 @@ def test_what_is_stopped_between_passes_can_go_on(tmp_path, backend, monkeypatch
     state = caught.value.state
     assert all(isfinite(row.loss) for row in state.history)
     monkeypatch.undo()
-    lens, _ = shape_lens(system, backend, ExactEngine(backend), state)
+    shaped, _ = shape_lens(system, backend, ExactEngine(backend), state)
+    lens = shaped.designed
     assert [c for c in limit_checks(system.problem, manufacturability(lens, DENSITY)) if not c.ok] == []
 
 

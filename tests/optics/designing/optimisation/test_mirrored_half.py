@@ -32,7 +32,10 @@ def evaluations(folder, backend, changes, axes=None):
     mirrors, rng = [Mirrors(sag.space, found) for sag in sags], np.random.default_rng(3)
     c = [m.of_coefficients(0.01 * rng.normal(size=s.space.dim)) for m, s in zip(mirrors, sags)]
     target = system.target.irradiance(stage.screen, 0.9)
-    both = [stage_objective(system, lens, stage, target, ExactEngine(backend), a)(c) for a in (chosen, ())]
+    both = [
+        stage_objective(system.with_lens(lens), stage, target, ExactEngine(backend), a)(c)
+        for a in (chosen, ())
+    ]
     averaged = [[m.of_coefficients(g) for m, g in zip(mirrors, e.gradients)] for e in both]
     return chosen, both, averaged
 

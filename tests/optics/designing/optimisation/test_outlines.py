@@ -100,7 +100,7 @@ def test_a_round_lens_is_designed_with_all_light_of_its_round_beam(tmp_path, bac
     made = run(tmp_path, backend, ROUND | {"source.profile": "round"})
     assert made.lens.rear.outline.is_ellipse
     cells = made.system.source.cells((101, 101))
-    _, fates = cell_irradiance(made.system.path(made.lens), made.system.target.screen(), cells, backend)
+    _, fates = cell_irradiance(made.system.path, made.system.target.screen(), cells, backend)
     assert fates.by_name["beside_lens"] + fates.missed_rear < 1e-12
     assert fates.transmitted > 0.9
     assert made.state.history[-1].fit < 0.5 * made.state.history[0].fit

@@ -69,7 +69,7 @@ def test_what_differs_within_pixels_counts_less():
     system, plan = fine_stages()
     stage, flux = plan[-1], system.problem.flux
     target = system.target.irradiance(stage.screen, flux)
-    loss = stage_objective(system, system.base, stage, target, ExactEngine(load_backend("double", 1)))
+    loss = stage_objective(system, stage, target, ExactEngine(load_backend("double", 1)))
     rng, dim = np.random.default_rng(2), system.base.rear.sag.space.dim
     at, along = 0.05 * rng.normal(size=dim), rng.normal(size=dim)
     found = slope_at_0(lambda step: loss([at + step * along]).loss, 1e-5)
@@ -90,7 +90,7 @@ def test_light_is_as_smooth_within_pixels_as_asked_for(tmp_path, backend):
     system = small_system(tmp_path, FORMULA | rear)
     lens = designed(system, backend).lens
     fine = small_system(tmp_path, FORMULA | rear | {"target.pixels": [96, 96]})
-    off = [measure(s, lens, backend).metrics["rel_l2"] for s in (system, fine)]
+    off = [measure(s.with_lens(lens), backend).metrics["rel_l2"] for s in (system, fine)]
     assert off[0] < 0.001
     assert off[1] < 0.008
 
@@ -110,6 +110,6 @@ def test_the_border_of_light_lies_where_it_is_asked_for(backend):
         for n in (32, 128)
     )
     lens = designed(system, backend).lens
-    off = [measure(s, lens, backend).metrics["rel_l2"] for s in (system, fine)]
+    off = [measure(s.with_lens(lens), backend).metrics["rel_l2"] for s in (system, fine)]
     assert off[0] < 0.015
     assert off[1] < 0.09

@@ -3,15 +3,15 @@
 import pytest
 
 from optics.designing.optimisation import Row, State, stages
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import small_system
 
 
-def of_iterations(folder, count: int) -> OpticalSystem:
+def of_iterations(folder, count: int) -> System:
     return small_system(folder, {"optimizer.iterations": [count], "optimizer.start": "transport"})
 
 
-def names(system: OpticalSystem, state: State) -> list[str]:
+def names(system: System, state: State) -> list[str]:
     plan = stages(system, state.started_from_transport)
     return [plan[row.stage].name if row.stage < len(plan) else "end" for row in state.history]
 

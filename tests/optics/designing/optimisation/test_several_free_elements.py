@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFilter
 
+import optics
 from optics import Design, design
 from optics.base.runtime import UserError
 from optics.designing.optimisation import earlier_state, penalised_objective, stages
 from optics.designing.optimisation.level_objective import can_cross, stage_film
 from optics.designing.optimisation.loop import nearest_shapes
-from optics.interface.api import System
 from optics.light.engines import ExactEngine
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, other_limit_checks, solvable_system
+from optics.scene.system import System, other_limit_checks, solvable_system
 from tests.cases import ROOT
 from tests.optics.cases import rough
 from tests.optics.designing.optimisation.cases import slope_at_0
@@ -64,12 +64,13 @@ def waves(space, height):
 def test_sags_come_in_the_order_of_the_light_whatever_the_order_of_the_file():
     for elements in ([LENS, MIRROR], [MIRROR, LENS]):
         path = [{"faces": ("L1.front", "L1.rear", "M1")}]
-        system = OpticalSystem(problem(*elements, path=path))
+        system = System(problem(*elements, path=path))
         assert system.problem.optic.called == "M1"
-        assert [optic.called for optic, _ in system.free_elements(system.base)] == ["L1", "M1"]
-        sags = [waves(sag.space, h) for sag, h in zip(system.sags(system.base), (0.1, 0.2))]
-        shaped, lens = system.with_sags(system.base, sags)
-        assert shaped.path(lens).sags == sags
+        assert [optic.called for optic, _ in system.free_elements] == ["L1", "M1"]
+        sags = [waves(sag.space, h) for sag, h in zip(system.sags, (0.1, 0.2))]
+        shaped = system.with_sags(sags)
+        lens = shaped.designed
+        assert shaped.with_lens(lens).path.sags == sags
         assert lens.front.sag is sags[1]
         assert shaped.shapes["L1"].rear.sag is sags[0]
         assert not system.shapes
@@ -78,12 +79,13 @@ def test_sags_come_in_the_order_of_the_light_whatever_the_order_of_the_file():
 @pytest.mark.parametrize("limits", [{}, {"radius": 100.0, "slope": 8.0}], ids=["free", "limited"])
 def test_the_loss_over_several_elements_has_the_slopes_of_differences(backend, limits):
     """Five-point differences along a rough direction; the limits are exceeded in both elements."""
-    system = OpticalSystem(problem(LENS, MIRROR, limits=limits))
-    sags = [waves(sag.space, 0.02) for sag in system.sags(system.base)]
-    shaped, lens = system.with_sags(system.base, sags)
+    system = System(problem(LENS, MIRROR, limits=limits))
+    sags = [waves(sag.space, 0.02) for sag in system.sags]
+    shaped = system.with_sags(sags)
+    lens = shaped.designed
     stage = stages(system, False)[-1]
-    light = ExactEngine(backend).model(shaped, lens, stage_film(shaped, stage))
-    loss = penalised_objective(shaped, lens, light, system.target.irradiance(stage.screen, 1.0))
+    light = ExactEngine(backend).model(shaped.with_lens(lens), stage_film(shaped, stage))
+    loss = penalised_objective(shaped.with_lens(lens), light, system.target.irradiance(stage.screen, 1.0))
     at, along = ([rough(s.space, h, 3) for s in sags] for h in (0.02, 1.0))
     slope = sum(float(g @ d) for g, d in zip(loss(at).gradients, along))
     for part in (0, 1):
@@ -102,9 +104,9 @@ def test_the_loss_over_several_elements_has_the_slopes_of_differences(backend, l
 
 def test_the_limits_of_each_element_are_checked_under_its_name():
     """A wave of 0.5 mm has radii of some mm: too small in both."""
-    system = OpticalSystem(problem(LENS, MIRROR, limits={"radius": 20.0}))
-    sags = [waves(sag.space.uniform(1), 0.5) for sag in system.sags(system.base)]
-    shaped, _ = system.with_sags(system.base, sags)
+    system = System(problem(LENS, MIRROR, limits={"radius": 20.0}))
+    sags = [waves(sag.space.uniform(1), 0.5) for sag in system.sags]
+    shaped = system.with_sags(sags)
     (check,) = other_limit_checks(shaped)
     assert check.name.startswith("L1: radius of the rear short of limits.radius")
     assert not check.ok
@@ -113,7 +115,7 @@ def test_the_limits_of_each_element_are_checked_under_its_name():
 
 def test_an_element_whose_surfaces_can_cross_is_told_from_one_that_has_room():
     thin = LENS | {"thickness": 1.5}
-    system = OpticalSystem(problem(thin, MIRROR))
+    system = System(problem(thin, MIRROR))
     assert can_cross(system) == [True, False]
 
 
@@ -138,13 +140,14 @@ def test_only_the_last_free_surface_gets_its_base_from_the_light(element, words)
 
 def test_a_script_s_map_takes_one_free_element():
     with pytest.raises(UserError, match=r"one free element, got element.L1 and element.M1; optics.design"):
-        System(problem(LENS, MIRROR))
+        optics.System(problem(LENS, MIRROR))
 
 
 def test_an_earlier_design_gives_every_element_its_sag():
     system = solvable_system(problem(LENS, MIRROR))
-    sags = [waves(sag.space, 0.05) for sag in system.sags(system.base)]
-    shaped, lens = system.with_sags(system.base, sags)
+    sags = [waves(sag.space, 0.05) for sag in system.sags]
+    shaped = system.with_sags(sags)
+    lens = shaped.designed
     assert earlier_state(system, lens, shaped.shapes).sags == tuple(sags)
     alone = earlier_state(system, lens).sags
     assert alone[1] is sags[1]
@@ -173,7 +176,7 @@ def test_two_free_elements_are_better_than_either_alone(shown, tmp_path):
     mirror = design(problem(with_free(first, "rear", None), last, **shown))
     assert both.metrics["rel_l2"] < 0.75 * min(lens.metrics["rel_l2"], mirror.metrics["rel_l2"])
     assert both.metrics["dof"] > max(lens.metrics["dof"], mirror.metrics["dof"])
-    assert all(np.abs(sag.coefficients).max() > 0.01 for sag in both.system.sags(both.lens))
+    assert all(np.abs(sag.coefficients).max() > 0.01 for sag in both.system.sags)
     checks = both.verify()["checks"]
     assert [c["name"] for c in checks if c["result"] != "passed" and c["subject"] == "file"] == []
     assert any(c["name"].startswith("L1: ") for c in checks)
@@ -190,8 +193,8 @@ def test_two_free_elements_are_better_than_either_alone(shown, tmp_path):
 
 
 def test_the_element_whose_surfaces_cross_is_named():
-    system = OpticalSystem(problem(LENS, MIRROR))
-    own, other = system.sags(system.base)
+    system = System(problem(LENS, MIRROR))
+    own, other = system.sags
     through = THBSurface(own.space, np.full(own.space.dim, -7.0))
-    _, _, wrong = nearest_shapes(system, system.base, [through, other])
+    _, wrong = nearest_shapes(system, [through, other])
     assert wrong.startswith("the optimised lens cannot exist (L1: the surfaces")

@@ -13,7 +13,7 @@ from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.keys import AUTO, problem_to_toml
 from optics.scene.problem import FINEST_AUTO, Problem, load_problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import small_system, write_problem
 
 AUTOMATIC = {"lens.rear.freeform.max_level": AUTO, "lens.rear.freeform.z_freedom": 20.0}
@@ -60,7 +60,7 @@ def test_levels_of_dense_meshes_have_cells(tmp_path, backend):
         system, start = resolved(small_system(tmp_path, AUTOMATIC | changes, ramp), backend)
         sag = start.finest_fit().sag
         assert sag.space.levels == system.freeforms[-1].finest + 1
-        assert measure(system, system.base.with_sags([sag]), backend).metrics["rel_l2"] < 0.03
+        assert measure(system.with_lens(system.base.with_sags([sag])), backend).metrics["rel_l2"] < 0.03
 
 
 def test_a_level_that_is_chosen_starts_like_the_same_level_as_a_number(tmp_path, backend):
@@ -134,7 +134,7 @@ def test_the_base_is_the_paraboloid_that_spreads_the_beam(tmp_path, backend, hal
 
 
 def test_a_beam_that_is_not_bent_starts_from_a_plane(tmp_path, backend):
-    assert based(tmp_path, backend, {"target.half_width": [9.5, 9.5]}).lens.rear.conic.is_plane
+    assert based(tmp_path, backend, {"target.half_width": [9.5, 9.5]}).base.rear.conic.is_plane
 
 
 def test_the_base_leaves_the_map_within_reach_where_a_number_was_a_trap(tmp_path, backend):
@@ -144,7 +144,7 @@ def test_the_base_leaves_the_map_within_reach_where_a_number_was_a_trap(tmp_path
     for system in (small_system(tmp_path, small), based(tmp_path, backend, small | BASE)):
         start = TransportStart(system, backend)
         lens = system.base.with_sags([start.fit(system.base.sags[-1].space.uniform(1)).sag])
-        arriving.append(measure(system, lens, backend).metrics["efficiency"])
+        arriving.append(measure(system.with_lens(lens), backend).metrics["efficiency"])
     assert arriving[0] < 0.5
     assert arriving[1] > 0.9
 
@@ -248,7 +248,7 @@ def test_all_that_was_left_to_the_program_is_written_as_numbers(tmp_path, backen
     again = load_problem(tmp_path / "again.toml")
     assert again == system.problem
     assert not again.lens.automatic
-    assert OpticalSystem(again).base.front.conic.is_plane
+    assert System(again).base.front.conic.is_plane
 
 
 @pytest.mark.parametrize("key", BASE)

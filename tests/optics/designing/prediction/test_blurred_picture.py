@@ -47,7 +47,7 @@ def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backen
     }
     system = small_system(tmp_path, changes)
     monkeypatch.setattr(Blur, "kernel", None)
-    limits = blur_limits(system, system.base, backend)
+    limits = blur_limits(system, backend)
     assert limits.least is None
     assert limits.width > 8 * 20.0
 
@@ -55,8 +55,8 @@ def test_the_kernel_of_a_spot_wider_than_the_target_is_not_made(tmp_path, backen
 def test_in_the_far_field_the_blurred_picture_is_an_intensity(tmp_path, backend):
     """An intensity that is even within +-40 degrees, blurred by 4 as an irradiance."""
     system = small_system(tmp_path, WIDE | {"source.divergence": 4.0})
-    limits = blur_limits(system, system.base, backend)
-    blur = blur_of(system, system.path(system.base), backend)
+    limits = blur_limits(system, backend)
+    blur = blur_of(system, system.path, backend)
     screen = system.target.screen()
     asked = system.target.irradiance(screen, 1.0)
     blurred = _blurred(blur, asked, screen)
@@ -74,7 +74,7 @@ def test_what_is_said_of_the_sun_and_of_a_wide_beam(tmp_path, backend):
     for degrees, said in ((0.0, "the sun blurs 0.5[67] mm"), (30.0, "the spot is wider than the target")):
         changes = {"source.divergence_profile": "sun", "source.divergence": degrees, "source.distance": 3.0}
         system = small_system(tmp_path, changes, name=f"{degrees}.toml")
-        limits = blur_limits(system, system.base, backend)
+        limits = blur_limits(system, backend)
         sentence = blur_sentence(system, limits)
         assert re.search(said, sentence)
         assert limits.least is None or 0 <= limits.least <= limits.plain

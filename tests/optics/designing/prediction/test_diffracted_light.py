@@ -78,7 +78,7 @@ def far_screen(folder, half_width=500.0, **more):
 
 
 def found_of(system, backend):
-    return diffraction_of(system, system.base, backend)
+    return diffraction_of(system, backend)
 
 
 def test_a_top_hat_ten_kilometres_away_is_blurred_by_lambda_l_over_d(tmp_path, backend):

@@ -15,8 +15,8 @@ NEAR = PLATE | {"target.half_width": [20.0, 20.0], "target.pixels": [32, 32], "t
 def test_the_start_of_a_plate_is_as_far_off_as_its_lenses_together(tmp_path, backend):
     """The estimates of check and measurement differ by the size of their cells."""
     system = small_system(tmp_path, NEAR)
-    fates, error = light_before(system, system.base, backend)
-    found = measure(system, system.base, backend).metrics
+    fates, error = light_before(system, backend)
+    found = measure(system, backend).metrics
     assert error == pytest.approx(found["rel_l2"], rel=0.02)
     assert fates.on_target / system.problem.flux == pytest.approx(found["efficiency"], rel=1e-3)
     assert fates.off_target / system.problem.flux == pytest.approx(found["stray"], abs=1e-3)

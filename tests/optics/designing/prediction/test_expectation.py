@@ -16,7 +16,7 @@ from optics.designing.starts import TransportStart
 from optics.light.analysis import measure
 from optics.scene.problem import Problem
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem, solvable_system, volume_of_made
+from optics.scene.system import System, solvable_system, volume_of_made
 from tests.cases import ROOT
 from tests.optics.cases import example_system, landing_points, small_system, target_z, tracer_to
 from tests.optics.designing.optimisation.cases import run
@@ -56,7 +56,7 @@ def started(folder, backend, changes):
     system = small_system(folder, changes)
     start = TransportStart(system, backend)
     lens = system.base.with_sags([start.fit(system.base.sags[-1].space.uniform(1)).sag])
-    return system, lens, sensitivity(system, lens, backend)
+    return system, lens, sensitivity(system.with_lens(lens), backend)
 
 
 def test_the_shift_by_index_is_that_of_first_order(tmp_path, backend):
@@ -97,8 +97,8 @@ def test_a_ripple_turns_light_like_a_prism_of_its_slope(tmp_path, backend):
     """On a plane rear, which all light meets at right angles; on a bent one by about as much."""
     plate = small_system(tmp_path, WIDE | {"lens.rear.radius": np.inf})
     slope = np.arctan(2 * np.pi * 1e-3 / 3.0)
-    prism = 60 * np.tan(np.arcsin(plate.lens.index * np.sin(slope)) - slope)
-    assert sensitivity(plate, plate.lens, backend).ripple == pytest.approx(prism, rel=1e-4)
+    prism = 60 * np.tan(np.arcsin(plate.base.index * np.sin(slope)) - slope)
+    assert sensitivity(plate, backend).ripple == pytest.approx(prism, rel=1e-4)
     _, _, shifts = started(tmp_path, backend, WIDE)
     assert shifts.ripple == pytest.approx(prism, rel=0.1)
 
@@ -115,7 +115,7 @@ def test_the_predicted_error_is_none_for_uniform_light_and_never_above_that_of_t
 def test_the_light_to_expect_is_what_the_design_delivers(tmp_path, backend):
     moved = run(tmp_path, backend, {})
     found, plan = expected(moved.system, backend)
-    metrics = measure(moved.system, moved.lens, backend).metrics
+    metrics = measure(moved.system, backend).metrics
     assert found.efficiency == pytest.approx(metrics["efficiency"], rel=0.02)
     assert [s.level for s in plan] == [s.level for s in moved.plan]
     assert found.volume == pytest.approx(moved.lens.volume(), rel=1e-2)
@@ -128,7 +128,7 @@ def test_a_round_lens_is_as_deep_as_within_its_rim():
     system = example_system("dome", {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0})
     lens = system.base
     heights = to_trimesh(lens, 1e-3).vertices[:, 2]
-    assert _size(system, lens)[2] == pytest.approx(np.ptp(heights), rel=1e-6)
+    assert _size(system.with_lens(lens))[2] == pytest.approx(np.ptp(heights), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_a_trap_is_told_before_the_design(tmp_path, backend):
     coarse, fine = replace(found, net=9.0, pixel=1.0), replace(found, net=1.0, pixel=9.0)
     told = ["max_level" in " ".join(expectation_lines(system, one)) for one in (coarse, fine)]
     assert told == [True, False]  # the remedy stands where the net binds
-    flat, _ = expected(OpticalSystem(system.problem.with_(**{"optimizer.start": "flat"})), backend)
+    flat, _ = expected(System(system.problem.with_(**{"optimizer.start": "flat"})), backend)
     assert flat.note == ""  # it starts from no map
 
 
@@ -204,19 +204,19 @@ def test_a_ripple_that_turns_all_light_onto_a_stop_moves_it_without_end(tmp_path
     plate = small_system(
         tmp_path, WIDE | {"lens.rear.radius": np.inf, "target.distance": 1.2e5, "stop": [iris]}
     )
-    assert sensitivity(plate, plate.lens, backend).ripple == np.inf
+    assert sensitivity(plate, backend).ripple == np.inf
 
 
 @pytest.mark.parametrize("example", ["dome", "street_plate"])
 def test_volume_and_size_are_those_of_what_is_made(example):
     base = {"lens.rear.radius": -30.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 0.1}
     system = example_system(example, base | {"target.pixels": (32, 32)})
-    made, (count, more) = system.made(system.base), volume_of_made(system.problem.optic, system.base)
+    made, (count, more) = system.made, volume_of_made(system.problem.optic, system.base)
     assert made.volume() == pytest.approx(count * system.base.volume() + more, rel=1e-12)
     assert made.volume() > 1.2 * count * system.base.volume()
     array = system.problem.optic.array
     if array is not None:
-        wide, high, _ = _size(system, system.base)
+        wide, high, _ = _size(system)
         assert (wide, high) == (array.columns * array.pitches[0], array.rows * array.pitches[1])
 
 
@@ -226,9 +226,9 @@ def test_a_ripple_on_a_turned_mirror_is_that_of_the_worse_direction(backend):
     mirror = {"kind": "mirror", "name": "M1", "tilt": (45, 0, 0), "thickness": 4, "face": face}
     beam = {"kind": "collimated", "half_width": (8, 8), "distance": 100}
     target = {"kind": "tophat", "position": (0, 600, 0), "tilt": (-90, 0, 0), "half_width": (40, 40)}
-    system = OpticalSystem(Problem(source=beam, element=[mirror], target=target))
+    system = System(Problem(source=beam, element=[mirror], target=target))
     turned = 2 * 2 * np.pi * 1e-3 / 3.0 * 600
-    assert sensitivity(system, system.base, backend).ripple == pytest.approx(turned, rel=0.01)
+    assert sensitivity(system, backend).ripple == pytest.approx(turned, rel=0.01)
 
 
 @pytest.mark.slow
@@ -261,7 +261,7 @@ def test_a_beam_that_fills_half_of_a_lens_starts_well_however_it_is_said(backend
         lens={"index": 1.5, "thickness": 26, **sides},
         target={"kind": "tophat", "distance": 300, "half_width": (60, 60), "pixels": (32, 32)},
     )
-    found, _ = expected(OpticalSystem(problem.with_(**said)), backend)
+    found, _ = expected(System(problem.with_(**said)), backend)
     assert found.start_rel_l2 < 0.1
 
 

@@ -8,7 +8,7 @@ import pytest
 import optics
 from optics.designing.prediction import blur_limits, expectation_lines, expected, foreseen_misses
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import EXAMPLES
 from tests.optics.cases import example_system, small_system
 
@@ -28,7 +28,7 @@ def bright_top_hat(**changes):
 def foreseen(system, backend, limits=None):
     found, _ = expected(system, backend)
     if limits is None and system.blurred:
-        limits = blur_limits(system, system.base, backend)
+        limits = blur_limits(system, backend)
     return foreseen_misses(system, found, limits, backend)
 
 
@@ -36,7 +36,7 @@ def foreseen(system, backend, limits=None):
 @pytest.mark.parametrize("pixels", [96, 160])
 def test_nothing_is_predicted_where_the_bound_of_the_sag_cuts_the_map_off(backend, pixels):
     """With 1.2 % of the coefficients cut off the map had started the design, and 0.01 was promised."""
-    system = OpticalSystem(bright_top_hat(**{"target.pixels": (pixels, pixels)}))
+    system = System(bright_top_hat(**{"target.pixels": (pixels, pixels)}))
     found, _ = expected(system, backend)
     assert found.rel_l2 is None
     assert found.sag > found.freedom
@@ -56,15 +56,15 @@ def test_bad_light_on_a_square_is_not_called_good():
 def test_thin_strokes_in_the_sun_are_said_to_miss(backend, tmp_path):
     """The blur alone keeps rel_l2 above the limit, whatever the lens."""
     system = small_system(tmp_path, SUN | {"verify.rel_l2": "auto", "target.distance": 400.0}, STROKES)
-    limits = blur_limits(system, system.base, backend)
+    limits = blur_limits(system, backend)
     assert limits.least > 0.3
     sentences = foreseen(system, backend, limits)
     words = f"this design will miss its limit: the blur allows a rel_l2 of {limits.least:.2g} at least"
     assert any(said.startswith(words) and said.endswith("asks for 0.1") for said in sentences)
     (remedy,) = (said for said in sentences if "at this distance --set target.half_width=" in said)
     x, y = map(float, re.search(r"half_width=\[([\d.]+),([\d.]+)\]", remedy).groups())
-    wider = OpticalSystem(system.problem.with_(**{"target.half_width": (x, y)}))
-    assert blur_limits(wider, wider.lens, backend).least < 0.1
+    wider = System(system.problem.with_(**{"target.half_width": (x, y)}))
+    assert blur_limits(wider, backend).least < 0.1
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_no_larger_target_is_proposed_where_the_spot_of_the_base_lens_says_nothi
 ):
     system = small_system(tmp_path, {"source.divergence": 6.0, "verify.rel_l2": "auto"} | changes, STROKES)
     found, _ = expected(system, backend)
-    limits = blur_limits(system, system.base, backend)
+    limits = blur_limits(system, backend)
     assert limits.least > 0.1
     assert not any("larger target" in said for said in foreseen_misses(system, found, limits, backend))
 
@@ -115,7 +115,7 @@ def test_a_target_aside_of_the_lens_is_said_with_its_angle(backend, tmp_path):
     """40 mm aside, 40 mm behind the rear vertex at 6 mm."""
     problem = small_system(tmp_path, {"target.half_width": [10.0, 10.0]}).problem
     aside = problem.with_(**{"target.distance": None, "target.position": (0.0, 40.0, 46.0)})
-    found = foreseen(OpticalSystem(aside), backend)
+    found = foreseen(System(aside), backend)
     assert any("the target's middle lies 45 degrees off the axis: aim" in said for said in found)
 
 

@@ -10,7 +10,7 @@ from optics.designing.prediction import expected
 from optics.designing.starts import STEEP, TransportStart
 from optics.scene.keys import assignment
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import flat_problem, small_system
 from tests.optics.designing.optimisation.cases import designed
 
@@ -57,7 +57,7 @@ def test_a_thin_lens_is_proposed_thicker_with_the_freedom_that_it_then_needs(tmp
     assert "which would bring rear and front together: --set lens.thickness=" in note
     problem, _ = followed(system.problem, note)
     thinner = problem.with_(**{"lens.thickness": 0.6})
-    assert "bring rear and front together" in expected(OpticalSystem(thinner), backend)[0].note
+    assert "bring rear and front together" in expected(System(thinner), backend)[0].note
 
 
 @pytest.mark.slow
@@ -70,7 +70,7 @@ def test_no_freedom_is_proposed_where_the_surface_of_the_map_loses_the_light(tmp
     assert "or let both surfaces bend it" in found.note
     problem, options = followed(system.problem, found.note)
     assert any(option.startswith("target.") for option in options)
-    other = OpticalSystem(problem)
+    other = System(problem)
     assert TransportStart(other, backend).lost(other) <= STEEP
 
 

@@ -10,7 +10,7 @@ from optics.base.runtime import load_backend
 from optics.designing.prediction.sensitivity import DECENTRE, INDEX, sensitivity
 from optics.light.tracing import Tracer
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import flat_problem
 
 RIM = {"half_width": (15, 15)}
@@ -41,9 +41,9 @@ TWO_LENSES = Problem(
 
 def test_dispersion_is_that_of_all_lenses_and_another_melt_that_of_one():
     """A gathers the light and B spreads it: what they do to colours cancels in part."""
-    system, backend = OpticalSystem(TWO_LENSES), load_backend("double")
-    found = sensitivity(system, system.base, backend)
-    path, rays = system.path(system.base), system.source.rays((61, 59))
+    system, backend = System(TWO_LENSES), load_backend("double")
+    found = sensitivity(system, backend)
+    path, rays = system.path, system.source.rays((61, 59))
     *before, of_b, air = path.media
     denser = path.in_media([*before, replace(of_b, index=of_b.index + INDEX), air])
     by_colours = [path.in_media(system.media_at(nm)) for nm in (450.0, 640.0)]
@@ -62,8 +62,8 @@ def turned(source):
     """Return the decentre of a plate of 6 mm before a plane turned by 60 degrees, 200 mm behind it."""
     target = {"distance": 200, "half_width": (30, 60), "tilt": (60, 0, 0)}
     rear = {"half_width": (10, 10), "freeform": {"spans": (2, 2), "z_freedom": 1.0}}
-    system = OpticalSystem(flat_problem(source, target, {"rear": rear}))
-    return sensitivity(system, system.base, load_backend("double")).decentre
+    system = System(flat_problem(source, target, {"rear": rear}))
+    return sensitivity(system, load_backend("double")).decentre
 
 
 def test_a_decentre_is_stretched_where_light_meets_the_target_at_an_angle():
@@ -89,6 +89,6 @@ def test_a_decentre_before_a_fold_is_that_behind_it(fold):
         element=(lens, mirror | {"face": face}),
         target={"kind": "tophat", "half_width": (30, 30), "pixels": (8, 8)} | place,
     )
-    system = OpticalSystem(problem)
-    found = sensitivity(system, system.base, load_backend("double")).decentre
+    system = System(problem)
+    found = sensitivity(system, load_backend("double")).decentre
     assert found == pytest.approx(DECENTRE, rel=1e-9)

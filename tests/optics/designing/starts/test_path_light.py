@@ -13,7 +13,7 @@ def test_one_direction_is_that_of_the_light_laid_down(backend, monkeypatch, exam
     """Of a beam before a turned mirror; behind a lens that spreads it nothing changes."""
     face = {"element.M1.face.radius": 800.0, "element.M1.face.freeform.z_freedom": 1.0}
     system = example_system(example, face)
-    path, number = system.path(system.base), system.path(system.base).shaped
+    path, number = system.path, system.path.shaped
     found = light_on(backend, path, number, system.source, (32, 32))
     monkeypatch.setattr(path_light, "ALIKE", -1.0)
     laid = light_on(backend, path, number, system.source, (32, 32))

@@ -44,7 +44,7 @@ def test_a_start_makes_up_for_the_losses_that_the_design_reckons_with(tmp_path, 
     without, and the reverse."""
     system = started(tmp_path, {"optimizer.fresnel": fresnel})
     _, sag = fitted(system, backend)
-    path, screen = system.path(system.base.with_sags([sag])), system.target.screen()
+    path, screen = system.with_lens(system.base.with_sags([sag])).path, system.target.screen()
     inner = (slice(BORDER, -BORDER),) * 2
     wanted, cells = system.target.irradiance(screen, 1.0)[inner], system.source.cells((193, 193))
     lossy, bare = (

@@ -13,19 +13,19 @@ from optics.base.runtime import UserError
 from optics.exchange.assemblies import part_checks
 from optics.exchange.assemblies.light_checks import ELSEWHERE
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import ROOT
 from tests.optics.cases import failing
 from thbcad import write_step
 from thbcad.cad import LensPart, cut, join
 
-BEAM = OpticalSystem(
+BEAM = System(
     load_problem(
         ROOT / "examples/tophat_square.toml",
         {"lens.rear.radius": 200.0, "target.lit": (0.9, 0.9), "target.pixels": (40, 40)},
     )
 )
-POINT = OpticalSystem(
+POINT = System(
     load_problem(
         ROOT / "examples/point.toml",
         {
@@ -134,7 +134,7 @@ def test_light_before_other_elements_is_left_out_and_not_called_free(tmp_path):
     """A mirror behind the lens turns the light: a hull straight to the screen would not hold it."""
     numbers = {"radius": 200.0, "conic": -1.0, "freeform.z_freedom": 1.0}
     changes = {f"element.L1.rear.{key}": value for key, value in numbers.items()}
-    system = OpticalSystem(load_problem(ROOT / "examples/folded.toml", changes))
+    system = System(load_problem(ROOT / "examples/folded.toml", changes))
     part = LensPart(system.base)
     for tool in (FLANGE, *BEHIND):
         part = join(part, tool, "mount")

@@ -50,7 +50,7 @@ def test_all_light_stays_in_its_hulls(name, few_rays):
     heights = -12.0, 80.0
     hulls = light_hulls(system.base, system, heights)
     count = 0
-    for paths in sampled_light(system, system.base, hulls.target, heights):
+    for paths in sampled_light(system, hulls.target, heights):
         ends = {
             "source to front": (paths.start, paths.front),
             "front to rear": (paths.front, paths.rear),

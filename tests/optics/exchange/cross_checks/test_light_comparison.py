@@ -16,7 +16,7 @@ from optics.exchange.cross_checks.light_comparison import LightComparison
 from optics.exchange.cross_checks.light_sums import Distances
 from optics.exchange.verification import StepFile
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import failing, small_system
 from tests.optics.exchange.verification.cases import FAR, FREE_FRONT, LAMBERTIAN, POINT, shaped
 from thbcad import write_step
@@ -41,7 +41,7 @@ def compared(folder, system, lens, written, tracer, backend, nodes=NODES):
     path = folder / "lens.step"
     write_step(written, path, replace(system.product, index=written.index))
     return compare_light(
-        system, lens, file_tracer(tracer, StepFile(path), system, nodes), RAYS[tracer], backend
+        system.with_lens(lens), file_tracer(tracer, StepFile(path), system, nodes), RAYS[tracer], backend
     )
 
 
@@ -70,7 +70,7 @@ EVERY_CASE = [
 @pytest.mark.parametrize(("changes", "tracer"), EVERY_CASE)
 def test_the_light_of_a_good_file_agrees(tmp_path, backend, changes, tracer):
     problem, lens = shaped(tmp_path, changes)
-    system = OpticalSystem(problem)
+    system = System(problem)
     found = compared(tmp_path, system, lens, lens, tracer, backend)
     assert failed(found, system) == []
     assert abs(found.z) < 4
@@ -129,7 +129,7 @@ def test_the_error_of_the_mesh_falls_with_the_square_of_the_spacing_and_is_known
     """sqrt(10) / 3 separates the estimate from the error of linear interpolation; a spline's second
     derivatives vary within its spans."""
     problem, lens = shaped(tmp_path)
-    system = OpticalSystem(problem)
+    system = System(problem)
     spans = [len(kv.breaks) - 1 for kv in (placed_surfaces(lens)[1].kv_u, placed_surfaces(lens)[1].kv_v)]
     counts = [1 + each * max(spans) for each in (4, 8, 16)]
     found = [compared(tmp_path, system, lens, lens, "mitsuba", backend, n) for n in counts]

@@ -9,15 +9,15 @@ from optics.base.runtime import UserError
 from optics.exchange.export.indications import indications_of
 from optics.exchange.export.sheet_facts import SheetFacts, rounded_down
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import EXAMPLES
 from tests.optics.cases import write_problem
 from thbcad.surfaces import THBSurface
 
 
 def facts_of(path, changes=None):
-    system = OpticalSystem(load_problem(path, changes or {}))
-    return SheetFacts(system, system.base, "0" * 64, {"front": 0.0, "rear": 0.0}, None)
+    system = System(load_problem(path, changes or {}))
+    return SheetFacts(system, "0" * 64, {"front": 0.0, "rear": 0.0}, None)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_the_thickness_is_that_on_the_axis_where_sags_have_heights_too(tmp_path)
     facts = facts_of(write_problem(tmp_path))
     (rear,) = facts.lens.free_surfaces
     heights = THBSurface(rear.sag.space, np.full(rear.sag.space.dim, 0.25))
-    raised = replace(facts, lens=facts.lens.with_sags([heights]))
+    raised = replace(facts, system=facts.system.with_sags([heights]))
     found = {one.name: one.value for one in indications_of(raised, "moulded", {})}
     assert found["thickness"].startswith("6.25 mm")
     assert found["coordinates"].endswith("rear from z = 6 mm")
@@ -92,10 +92,10 @@ def test_tolerances_of_an_element_bear_its_name():
         element=[lens | {"rear": size | {"radius": 40.0, "freeform": {"z_freedom": 1.0}}}],
         target={"kind": "tophat", "position": (0, 0, 60), "half_width": (4, 20), "pixels": (16, 16)},
     )
-    system = OpticalSystem(problem)
+    system = System(problem)
     row = {"L1.thickness": {"amount": 0.05, "allowed": 0.012}, "L1.index": {"amount": 5e-4, "allowed": None}}
     known = {"missed_by_the_design": [], "tolerances": row}
-    facts = SheetFacts(system, system.base, "0" * 64, {"front": 0.0, "rear": 0.0}, known)
+    facts = SheetFacts(system, "0" * 64, {"front": 0.0, "rear": 0.0}, known)
     found = {one.name: (one.value, one.origin) for one in indications_of(facts, "cut", {})}
     assert found["thickness"] == ("6 mm +- 0.012 mm", "computed")
     assert found["index"][0].endswith("+- 0.0005")

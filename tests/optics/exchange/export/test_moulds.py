@@ -8,7 +8,7 @@ import pytest
 from optics.exchange.export import MESHES, SOLIDS
 from optics.exchange.export.body import Body
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import rough, small_lens, small_space, store_result, write_problem
 from tests.optics.exchange.export.cases import names, ply_faults
 from tests.optics.interface.commands.cases import refused, run
@@ -133,7 +133,7 @@ def dome(tmp_path):
 
     def stored(height=0.0, **keys):
         problem = load_problem(write_problem(tmp_path, DOME | keys))
-        lens = OpticalSystem(problem).base
+        lens = System(problem).base
         sag = THBSurface(lens.rear.sag.space, rough(lens.rear.sag.space, height))
         store_result(tmp_path / "result", problem, lens.with_sags([sag]))
         return tmp_path / "result"

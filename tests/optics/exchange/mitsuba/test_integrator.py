@@ -15,7 +15,7 @@ from optics.exchange.mitsuba.loading import load_mitsuba
 from optics.light.engines import TracedModel
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, filter_image
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.system import System, target_irradiance
 from tests.cases import ROOT
 from tests.optics.cases import coefficients, rough, store_result, target_z, tracer_to
 from tests.optics.exchange.mitsuba.cases import exact_image
@@ -46,7 +46,7 @@ def make(problem_file):
             "target.half_width": [24.0, 20.0],
         }
         problem = load_problem(problem_file(smooth | (changes or {})))
-        lens = OpticalSystem(problem).base
+        lens = System(problem).base
         return problem, lens.with_sags(
             [THBSurface(sag.space, rough(sag.space, 0.05, k)) for k, sag in enumerate(lens.sags)]
         )
@@ -63,22 +63,22 @@ def scene_with(mi, integrator):
 
 def exact_film(backend, problem, lens):
     """Return the light model of the exact tracer with 9 rays per pixel."""
-    system = OpticalSystem(problem)
+    system = System(problem)
     rays = system.source.rays([3 * n for n in PIXELS])
     tracer = tracer_to(backend, lens, rays, target_z(problem))
     return TracedModel(backend, tracer, system.target.screen(), WINDOW)
 
 
 def asked_for(problem):
-    target = OpticalSystem(problem).target
+    target = System(problem).target
     return target_irradiance(target.light, target.screen(), problem.target.placing, 0.92)
 
 
 @pytest.mark.parametrize("absorption", [0.0, 0.02])
 def test_the_image_is_that_of_the_exact_tracer_row_by_row(mi, make, backend, absorption):
     problem, lens = make({"lens.absorption": absorption})
-    system = OpticalSystem(problem)
-    scene = scene_with(mi, exact_integrator(system, lens))
+    system = System(problem)
+    scene = scene_with(mi, exact_integrator(system.with_lens(lens)))
     image = np.array(mi.render(scene))
     exact = exact_image(backend, system, lens, [3 * n for n in PIXELS], WINDOW)
     assert image.shape == (40, 48, 1)
@@ -94,7 +94,7 @@ def test_gradients_are_those_of_the_objective_and_of_differences(mi, make, backe
     import drjit as dr
 
     problem, lens = make(BOTH_FREE)
-    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
+    scene = scene_with(mi, exact_integrator(System(problem).with_lens(lens)))
     parameters = mi.traverse(scene)
     assert set(KEYS) <= set(parameters.keys())
     for key in KEYS:
@@ -145,7 +145,7 @@ def test_forward_mode_through_mitsuba(mi, make, backend):
     import drjit as dr
 
     problem, lens = make()
-    scene = scene_with(mi, exact_integrator(OpticalSystem(problem), lens))
+    scene = scene_with(mi, exact_integrator(System(problem).with_lens(lens)))
     parameters = mi.traverse(scene)
     (at,) = coefficients(lens)
     direction = np.random.default_rng(5).standard_normal(len(at))
@@ -168,7 +168,7 @@ def test_a_result_folder_is_read_by_its_name(mi, make, tmp_path):
         np.array(mi.render(scene_with(mi, integrator)))
         for integrator in (
             {"type": "thbcad", "result": str(folder.path)},
-            exact_integrator(OpticalSystem(problem), lens),
+            exact_integrator(System(problem).with_lens(lens)),
         )
     ]
     assert np.array_equal(*images)

@@ -13,7 +13,7 @@ from optics.exchange.mitsuba.engines import mitsuba_engine
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
@@ -48,7 +48,7 @@ def models(folder, backend, changes, window, axes):
     lens = lens.with_sags([THBSurface(s.space, rough(s.space, 0.1, k)) for k, s in enumerate(lens.sags)])
     film = Film(system.target.screen(4, 3), (91, 87) if not axes else (91, 91), window, axes)
     pair = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
-    return *(e.model(system, lens, film) for e in pair), lens
+    return *(e.model(system.with_lens(lens), film) for e in pair), lens
 
 
 def error(found, wanted):
@@ -102,7 +102,7 @@ def test_a_light_keeps_its_derivatives_when_the_mesh_moves_on(tmp_path, backend)
 
 
 def test_vertices_follow_the_levels_spans(tmp_path):
-    lens = small_system(tmp_path).lens
+    lens = small_system(tmp_path).base
     fine = lens.with_sags([sag.refine({0: [(0, 0)]}) for sag in lens.sags])
     for case, spans in ((lens, 4), (fine, 8)):
         mesh = engines.lens_mesh(case)
@@ -113,9 +113,7 @@ def test_vertices_follow_the_levels_spans(tmp_path):
 @pytest.mark.slow
 def test_a_whole_design_ends_near_that_of_the_exact_engine(problem_file, backend):
     """With 10 vertices per knot span of the last level."""
-    system = OpticalSystem(
-        load_problem(problem_file({"optimizer.start": "flat", "optimizer.iterations": [3]}))
-    )
+    system = System(load_problem(problem_file({"optimizer.start": "flat", "optimizer.iterations": [3]})))
     pair = ExactEngine(backend), mitsuba_engine("mitsuba-mesh", 1)
     states = [shape_lens(system, backend, engine)[1] for engine in pair]
     fits = [[row.fit for row in state.history] for state in states]

@@ -12,7 +12,7 @@ from optics.light.engines import TracedModel
 from optics.scene.problem import load_problem
 from optics.scene.receivers import GaussianWindow, receiver_at
 from optics.scene.sources import Profile, collimated_beam
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import (
     coefficients,
     hollow_lens,
@@ -83,7 +83,7 @@ def test_far_field_and_flux(backend, lens, rays):
 
 def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_file):
     """On a paraboloid normals are linear but for the normalisation; landing errors of 1e-5 pixels remain."""
-    system = OpticalSystem(load_problem(problem_file()))
+    system = System(load_problem(problem_file()))
     image = mesh_model(system, system.base, 129, 129).image(coefficients(system.base))
     exact = exact_image(backend, system, system.base, (129, 129), WINDOW)
     assert image.shape == exact.shape
@@ -93,16 +93,16 @@ def test_irradiance_of_a_smooth_lens_is_exact_but_for_float32(backend, problem_f
 def test_loss_and_gradient_come_near_those_of_the_exact_tracer(backend, problem_file):
     """Both fall short of the exact ones by the interpolation of the normals, h^2."""
     problem = load_problem(problem_file({"lens.front.freeform": {"spans": [3, 3]}}))
-    lens = OpticalSystem(problem).base
-    screen = OpticalSystem(problem).target.screen()
-    target = OpticalSystem(problem).target.irradiance(screen, problem.source.flux)
-    tracer = tracer_to(backend, lens, OpticalSystem(problem).source.rays((97, 97)), target_z(problem))
+    lens = System(problem).base
+    screen = System(problem).target.screen()
+    target = System(problem).target.irradiance(screen, problem.source.flux)
+    tracer = tracer_to(backend, lens, System(problem).source.rays((97, 97)), target_z(problem))
     objective = Objective(TracedModel(backend, tracer, screen, WINDOW), target, 0.0)
     at = [rough(sag.space, 0.02, k) for k, sag in enumerate(lens.sags)]
     exact = objective(at)
     losses, slopes = [], []
     for n in (65, 129):
-        near = Objective(mesh_model(OpticalSystem(problem), lens, 97, n), target, 0.0)(at)
+        near = Objective(mesh_model(System(problem), lens, 97, n), target, 0.0)(at)
         losses.append(abs(near.loss - exact.loss) / exact.loss)
         slopes.append(
             [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(near.gradients, exact.gradients)]

@@ -11,7 +11,7 @@ from optics.exchange.mitsuba.integrator import light_integrator
 from optics.light.engines import ExactEngine, Film
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import rough, small_system
 from thbcad.surfaces import THBSurface
 
@@ -33,7 +33,7 @@ def models(folder, backend, changes, window, axes):
     film = Film(system.target.screen(2, 3), (91, 87) if not axes else (91, 91), window, axes)
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
     bar = np.random.default_rng(4).standard_normal(film.screen.padded)
-    return *(e.model(system, lens, film) for e in engines), lens, (bar, 0.3)
+    return *(e.model(system.with_lens(lens), film) for e in engines), lens, (bar, 0.3)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -88,7 +88,7 @@ def test_a_render_and_its_derivative_trace_once(mi, tmp_path, backend):
 
 def test_a_whole_design_ends_where_that_of_the_exact_engine_does(problem_file, backend):
     """Its film rounds weights by 6e-8; six steps of L-BFGS make more of that."""
-    system = OpticalSystem(load_problem(problem_file()))
+    system = System(load_problem(problem_file()))
     engines = ExactEngine(backend), mitsuba_engine("mitsuba-exact", 1)
     states = [shape_lens(system, backend, engine)[1] for engine in engines]
     fits = [min(row.fit for row in state.history) for state in states]

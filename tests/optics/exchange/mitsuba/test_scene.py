@@ -16,7 +16,7 @@ from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow, Screen
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import picture, rough, target_z
 from tests.optics.exchange.mitsuba.cases import exact_image
 from tests.optics.scene.problem.cases import MIRROR, ROW, load_text
@@ -66,7 +66,7 @@ def make(problem_file, tmp_path):
 
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
-        system = OpticalSystem(load_problem(problem_file(changes)))
+        system = System(load_problem(problem_file(changes)))
         sags = [THBSurface(sag.space, rough(sag.space, 0.3)) for sag in system.base.sags]
         return system, system.base.with_sags(sags)
 
@@ -158,7 +158,7 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend, chang
     area = system.target.screen().pixel_area
     fluxes = [camera_irradiance(scene, spp=128, seed=k).sum() * area for k in range(8)]
     rays = single_rays(system.source.rays((101, 101) if not changes else (512, 512)), lens)
-    plane = TargetArea.of(system.path(lens), system.problem.target.half_width)
+    plane = TargetArea.of(system.with_lens(lens).path, system.problem.target.half_width)
     result = trace_nonsequential(backend, lens, rays, plane)
     onto = (abs(result.landings.points) <= system.problem.target.half_width).all(axis=1)
     error = np.std(fluxes, ddof=1) / np.sqrt(8)
@@ -173,11 +173,11 @@ def test_the_total_flux_is_that_of_the_nonsequential_tracer(make, backend, chang
 @pytest.mark.parametrize("text", [ROW, TWO], ids=["lens and mirror", "two beams on a lens"])
 def test_elements_and_sources_anywhere_make_our_light(tmp_path, backend, text):
     """8 x 8 blocks of 4 x 4 pixels: noise of about 1 %; ours has no light that is reflected twice."""
-    system = OpticalSystem(load_text(tmp_path, text))
+    system = System(load_text(tmp_path, text))
     lens = system.base
     lens = lens.with_sags([THBSurface(sag.space, rough(sag.space, 0.15)) for sag in lens.sags])
     image = camera_irradiance(mitsuba_scene(system, LensMesh.uniform(lens, (65, 65))), spp=256)
-    exact, _ = ray_irradiance(system, system.path(lens), system.target.screen(), backend)
+    exact, _ = ray_irradiance(system, system.with_lens(lens).path, system.target.screen(), backend)
     assert_same_light(image, exact.irradiance, 4)
 
 
@@ -223,7 +223,7 @@ def test_what_mitsuba_cannot_express_is_refused_by_its_key(make, changes, key):
 
 def test_a_curved_screen_is_refused(tmp_path):
     curved = MIRROR.replace("[target]", '[target]\nsurface = "cylinder"\nradius = 90.0')
-    system = OpticalSystem(load_text(tmp_path, curved))
+    system = System(load_text(tmp_path, curved))
     with pytest.raises(UserError, match=r"target\.surface"):
         mitsuba_scene(system, LensMesh.uniform(system.base, (5, 5)))
 

@@ -15,7 +15,7 @@ from optics.exchange.mitsuba.scene import REFLECTANCE
 from optics.exchange.mitsuba.scene_xml import irradiance_of_one, scene_checks, scene_file_names, scene_files
 from optics.scene.problem import load_problem
 from optics.scene.receivers import PixelWindow
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import picture, rough
 from tests.optics.exchange.mitsuba.cases import exact_image
 from tests.optics.scene.problem.cases import ROW, load_text
@@ -50,10 +50,10 @@ def make(problem_file, tmp_path):
 
     def build(changes):
         Image.fromarray(picture(24, 16)).save(tmp_path / "source.png")
-        system = OpticalSystem(load_problem(problem_file(changes)))
+        system = System(load_problem(problem_file(changes)))
         lens = system.base.with_sags([THBSurface(s.space, rough(s.space, 0.1)) for s in system.base.sags])
         out = tmp_path / "scene.xml"
-        files = scene_files(system, lens, out)
+        files = scene_files(system.with_lens(lens), out)
         assert set(files) <= set(scene_file_names(system, out))
         for path, data in files.items():
             path.write_bytes(data)
@@ -65,7 +65,7 @@ def make(problem_file, tmp_path):
 @pytest.mark.parametrize("name", CASES)
 def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
     system, lens, out = make(CASES[name])
-    assert all(check.ok for check in scene_checks(system, lens, out))
+    assert all(check.ok for check in scene_checks(system.with_lens(lens), out))
     given = scene.mitsuba_scene(system, scene.LensMesh.uniform(lens, (65, 65)))
     given, read = (mi.traverse(s) for s in (given, mi.load_file(str(out), optimize=False)))
     compared = [key for key, _ in given if key in read]
@@ -83,12 +83,12 @@ def test_mitsuba_reads_every_source_and_the_lens(mi, make, name):
 
 def test_elements_have_files_where_they_lie(mi, tmp_path):
     """Mitsuba reads the faces of both in the frame of the scene, as it has them of the scene in memory."""
-    system = OpticalSystem(load_text(tmp_path, ROW))
-    files = scene_files(system, system.base, tmp_path / "scene.xml")
+    system = System(load_text(tmp_path, ROW))
+    files = scene_files(system, tmp_path / "scene.xml")
     assert set(files) <= set(scene_file_names(system, tmp_path / "scene.xml"))
     for path, data in files.items():
         path.write_bytes(data)
-    checks = scene_checks(system, system.base, tmp_path / "scene.xml")
+    checks = scene_checks(system, tmp_path / "scene.xml")
     assert [check.name.split(",")[0][16:] for check in checks] == [
         "L1.front",
         "L1.rear",

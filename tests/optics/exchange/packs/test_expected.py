@@ -23,17 +23,20 @@ def test_rays_make_nearly_the_light_of_the_lens(
     monkeypatch.setattr("optics.exchange.packs.expected.MANY", (512, 512))
     monkeypatch.setattr("optics.exchange.packs.expected.LISTED", (8, 8))
     system = small_system(tmp_path, changes | {"target.pixels": [24, 24]})
-    found = measure(system, lens, backend)
-    files, rays = ray_files(system, lens, ".tm25ray")
+    found = measure(system.with_lens(lens), backend)
+    files, rays = ray_files(system.with_lens(lens), ".tm25ray")
     assert list(files) == ["rays_source.tm25ray", "rays_behind.tm25ray"]
-    direct, screen = fresh_light(system, lens, backend), system.target.screen()  # by front and rear alone
+    direct, screen = (
+        fresh_light(system.with_lens(lens), backend),
+        system.target.screen(),
+    )  # by front and rear alone
     light = {"irradiance": direct, "target": found.target}
     on_target = (direct * screen.projection()).sum() * screen.pixel_area
-    rows = {q.name: q for q in light_quantities(system, lens, rays, light, found.metrics)}
+    rows = {q.name: q for q in light_quantities(system.with_lens(lens), rays, light, found.metrics)}
     per_pixel = len(rays) / 24**2
     assert rows["efficiency"].by_rays == pytest.approx(on_target / system.problem.flux, abs=0.003)
     assert rows[quantity].by_rays == pytest.approx(rows[quantity].value, rel=5 / np.sqrt(per_pixel))
     assert all(row.within > 0 for row in rows.values())
-    head, *lines = ray_table(system, lens).decode().splitlines()
+    head, *lines = ray_table(system.with_lens(lens)).decode().splitlines()
     assert f"landing_u_{unit}" in head
     assert len(lines) == 64

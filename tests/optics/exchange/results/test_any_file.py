@@ -11,7 +11,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation import Row, State
 from optics.exchange.results import ResultFolder, read_checkpoint, write_checkpoint
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import examples
 from tests.optics.cases import small_space, store_result, write_problem
 from thbcad.surfaces import THBSurface
@@ -38,7 +38,7 @@ def test_any_state_comes_back_from_a_checkpoint(problem, tmp_path, coefficients,
     path = tmp_path / "checkpoint.json"
     state = State(False, 0, (THBSurface(SPACE, coefficients),), tuple(history))
     write_checkpoint(path, problem, problem, state, notes)
-    found, said = read_checkpoint(path, OpticalSystem(problem))
+    found, said = read_checkpoint(path, System(problem))
     assert found.sags[0].coefficients.tobytes() == coefficients.tobytes()
     assert (found.history, said) == (state.history, notes)
 
@@ -51,12 +51,12 @@ def test_a_checkpoint_that_was_cut_is_refused(problem, tmp_path, share):
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(UserError, match="cannot resume"):
-        read_checkpoint(path, OpticalSystem(problem))
+        read_checkpoint(path, System(problem))
 
 
 @pytest.fixture(scope="module")
 def result(problem, tmp_path_factory):
-    return store_result(tmp_path_factory.mktemp("result") / "out", problem, OpticalSystem(problem).base)
+    return store_result(tmp_path_factory.mktemp("result") / "out", problem, System(problem).base)
 
 
 @examples(20)

@@ -9,7 +9,7 @@ import pytest
 from optics.base.runtime import UserError
 from optics.exchange.results.checkpoint import checkpoint_owner, read_checkpoint, write_checkpoint
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import picture, small_system, write_problem
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
 
@@ -34,7 +34,7 @@ def test_a_checkpoint_gives_back_every_bit(path, problem_file, stage, sags):
     state = some_state(stage, sags)
     problem = load_problem(problem_file(FREE_FRONT if sags == 2 else None))
     write_checkpoint(path, problem, problem, state, ["a note"])
-    found, notes = read_checkpoint(path, OpticalSystem(problem))
+    found, notes = read_checkpoint(path, System(problem))
     assert (found.started_from_transport, found.stage, found.history, notes) == (
         True,
         stage,
@@ -53,7 +53,7 @@ def test_threads_and_the_pictures_place_may_change_between_runs(path, problem_fi
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     moved = load_problem(write_problem(elsewhere, {"run.threads": 2}))
-    assert read_checkpoint(path, OpticalSystem(moved))[0].stage == 1
+    assert read_checkpoint(path, System(moved))[0].stage == 1
 
 
 def test_a_checkpoint_belongs_to_the_problem_as_asked_for_and_as_resolved(path, problem_file):
@@ -63,7 +63,7 @@ def test_a_checkpoint_belongs_to_the_problem_as_asked_for_and_as_resolved(path, 
         asked, lens=replace(asked.lens, rear=replace(rear, freeform=replace(rear.freeform, max_level=2)))
     )
     write_checkpoint(path, asked, resolved, some_state())
-    assert read_checkpoint(path, OpticalSystem(resolved))[0].stage == 1
+    assert read_checkpoint(path, System(resolved))[0].stage == 1
     assert len(set(checkpoint_owner(path).problems)) == 2
 
 
@@ -75,13 +75,13 @@ def test_a_checkpoint_belongs_to_the_problem_as_asked_for_and_as_resolved(path, 
 def test_anything_else_makes_another_problem(path, problem_file, changes):
     stored(path, problem_file)
     with pytest.raises(UserError, match="belongs to another problem"):
-        read_checkpoint(path, OpticalSystem(load_problem(problem_file(changes))))
+        read_checkpoint(path, System(load_problem(problem_file(changes))))
 
 
 def test_another_picture_of_the_same_name_makes_another_problem(path, problem_file):
     stored(path, problem_file)
     with pytest.raises(UserError, match="belongs to another problem"):
-        read_checkpoint(path, OpticalSystem(load_problem(problem_file(None, picture()[:, ::-1].copy()))))
+        read_checkpoint(path, System(load_problem(problem_file(None, picture()[:, ::-1].copy()))))
 
 
 def test_another_picture_of_the_source_makes_another_problem(path, problem_file, tmp_path):
@@ -89,7 +89,7 @@ def test_another_picture_of_the_source_makes_another_problem(path, problem_file,
     stored(path, problem_file, GLOW)
     write_glow(tmp_path, 100)
     with pytest.raises(UserError, match="belongs to another problem"):
-        read_checkpoint(path, OpticalSystem(load_problem(problem_file(GLOW))))
+        read_checkpoint(path, System(load_problem(problem_file(GLOW))))
 
 
 def test_the_place_of_the_sources_picture_may_change_between_runs(path, problem_file, tmp_path):
@@ -108,7 +108,7 @@ def test_the_place_of_the_sources_picture_may_change_between_runs(path, problem_
 def test_a_checkpoint_with_too_few_or_too_many_sags_is_refused(path, problem_file, changes, sags):
     problem = stored(path, problem_file, changes, state=some_state(sags=sags))
     with pytest.raises(UserError, match="cannot resume"):
-        read_checkpoint(path, OpticalSystem(problem))
+        read_checkpoint(path, System(problem))
 
 
 @pytest.mark.parametrize("coefficients", ["AAAA", "####", "", "\u00e9", 3, [1.0], None], ids=repr)
@@ -118,7 +118,7 @@ def test_coefficients_that_are_no_bytes_of_numbers_are_damage(path, problem_file
     data["sags"][0]["coefficients"] = coefficients
     path.write_text(json.dumps(data))
     with pytest.raises(UserError, match=r"cannot resume: .* is damaged"):
-        read_checkpoint(path, OpticalSystem(problem))
+        read_checkpoint(path, System(problem))
 
 
 @pytest.mark.parametrize("text", [None, "", "{}", "[]", '{"schema": "thbcad-checkpoint", "version": 3}'])

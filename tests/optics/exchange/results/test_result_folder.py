@@ -16,7 +16,7 @@ from optics.exchange.results.folder_lock import run_lock
 from optics.exchange.results.owned_files import sha256_of
 from optics.exchange.results.result_files import FILES
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import ROOT
 from tests.optics.cases import picture, store_result
 from tests.optics.exchange.results.cases import GLOW, some_state, write_glow
@@ -28,9 +28,9 @@ VERDICT = {"ok": True, "verdict": "fine", "notes": ["a note"]}
 
 def write_all(folder, problem, lens=None, figures=("figures/sag.png",), parts=()):
     """Write a result with stand-ins for the solids and for what is claimed of them."""
-    system = OpticalSystem(problem)
-    writer = ResultWriter(folder, system)
-    writer.write_design(lens or system.base, some_state().history)
+    system = System(problem)
+    writer = ResultWriter(folder, system.with_lens(lens or system.base))
+    writer.write_design(some_state().history)
     steps = "lens.step", *parts
     for name in steps:
         writer.staged(name).write_text(f"solid of {problem.title}")
@@ -82,7 +82,7 @@ def other(problem_file, changes=None, image=None):
 def test_a_result_reads_back(folder, problem):
     result = folder.read()
     assert result.problem.lens == problem.lens
-    assert lens_to_dict(result.lens) == lens_to_dict(OpticalSystem(problem).base)
+    assert lens_to_dict(result.lens) == lens_to_dict(System(problem).base)
     assert {k: result.record[k] for k in VERDICT} == VERDICT
 
 
@@ -106,7 +106,7 @@ def test_the_run_id_tells_problems_and_lenses_apart_but_not_folders(tmp_path, fo
         write_all(ResultFolder(path), problem, lens)
         return json.loads((path / "result.json").read_text())["run_id"]
 
-    lens = OpticalSystem(problem).base
+    lens = System(problem).base
     mine = run_of(tmp_path / "a", problem)
     assert mine == run_of(tmp_path / "b", folder.read().problem) == folder.read().record["run_id"]
     assert mine != run_of(tmp_path / "c", other(problem_file, {"run.seed": 1}), lens)
@@ -139,7 +139,7 @@ def test_a_changed_problem_is_refused(folder, old, new):
 
 
 def test_a_changed_lens_is_refused(folder, problem):
-    lens = OpticalSystem(problem).base
+    lens = System(problem).base
     write_lens(type(lens)(lens.front, lens.rear, 7.0, lens.index), folder.lens)
     with pytest.raises(UserError, match=r"holds no single result: lens\.json changed"):
         folder.read()
@@ -184,13 +184,13 @@ def test_a_folder_that_a_run_writes_to_is_not_read(folder):
 def test_the_stored_problem_brings_its_pictures(tmp_path, problem_file):
     write_glow(tmp_path)
     given = problem_file(GLOW)
-    folder = store_result(tmp_path / "out", load_problem(given), OpticalSystem(load_problem(given)).base)
-    light = OpticalSystem(load_problem(given)).source.profile.light
+    folder = store_result(tmp_path / "out", load_problem(given), System(load_problem(given)).base)
+    light = System(load_problem(given)).source.profile.light
     for name in ("picture.png", "glow.png", "problem.toml"):
         (tmp_path / name).unlink()
     stored = folder.read().problem
     assert {Path(p.image).parent for p in (stored.source, stored.target)} == {folder.path}
-    np.testing.assert_array_equal(OpticalSystem(stored).source.profile.light, light)
+    np.testing.assert_array_equal(System(stored).source.profile.light, light)
     write_all(folder, stored, read_lens(folder.lens))  # onto itself
     assert folder.read().problem == stored
 
@@ -245,9 +245,9 @@ def test_a_record_cannot_make_a_run_remove_other_files(folder, problem, tmp_path
 
 
 def test_a_name_that_no_result_has_is_not_written(folder, problem):
-    system = OpticalSystem(problem)
+    system = System(problem)
     writer = ResultWriter(folder, system)
-    writer.write_design(system.base, ())
+    writer.write_design(())
     for name in ("../x.png", "notes.txt", "figures/other.png"):
         with pytest.raises(ValueError, match="is no file of a result"):
             writer.write(name, b"")

@@ -5,7 +5,7 @@ import pytest
 
 from optics.exchange.verification.step_file import StepFile
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import rough, write_problem
 from thbcad import write_step
 from thbcad.surfaces import THBSurface
@@ -70,13 +70,13 @@ def written(folder, changes=None):
     problem, lens = shaped(folder, changes)
     file = StepFile(folder / "lens.step")
     write_step(lens, file.path)
-    return OpticalSystem(problem), lens, file
+    return System(problem).with_lens(lens), lens, file
 
 
 def shaped(folder, changes=None, height=0.05):
     """Return (problem, lens): the small problem's lens with a rough sag over three levels."""
     problem = load_problem(write_problem(folder, changes))
-    base = OpticalSystem(problem).base
+    base = System(problem).base
     space = base.rear.sag.space.refine({0: [(1, 1), (1, 2), (2, 2)]}).refine({1: [(2, 2), (3, 3), (4, 5)]})
     sags = [THBSurface(s, rough(s, height)) for s in [*(sag.space for sag in base.sags[:-1]), space]]
     return problem, base.with_sags(sags)

@@ -12,7 +12,7 @@ from optics.exchange.verification.lone_file import WITHOUT_LENS, bare_checks, te
 from optics.exchange.verification.same_design import OTHER_TEXT, fresh_export_checks, same_checks
 from optics.exchange.verification.step_checks import verify
 from optics.exchange.verification.step_file import StepFile
-from optics.scene.system import OpticalSystem, designed_part
+from optics.scene.system import System, designed_part
 from tests.cases import examples
 from tests.optics.cases import failing
 from tests.optics.exchange.verification.cases import SPLINES, shaped
@@ -35,7 +35,7 @@ NAMES = {
 def good(tmp_path_factory):
     """A lens, its system, the text of its STEP file, and the solid that the text holds."""
     problem, lens = shaped(tmp_path_factory.mktemp("texts"), NAMES | SPLINES)
-    system = OpticalSystem(problem)
+    system = System(problem).with_lens(lens)
     text = step_bytes(lens, system.product).decode("ascii")
     return SimpleNamespace(system=system, lens=lens, text=text, solid=brep_of_text(text))
 
@@ -102,9 +102,9 @@ def test_every_number_of_the_solid_counts(good, data):
 def test_a_file_written_otherwise_passes_every_check(good, tmp_path, backend, name):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_bytes(REWRITES[name](good.text, np.random.default_rng(1)).encode("ascii"))
-    checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
-    checks += text_and_occt_checks(good.system, good.lens, file, backend)
-    checks += verify(good.system, good.lens, file, backend)
+    checks, notes = fresh_export_checks(designed_part(good.system), "AP242", file)
+    checks += text_and_occt_checks(good.system, file, backend)
+    checks += verify(good.system, file, backend)
     assert failing([*checks, *bare_checks(file).checks]) == []
     assert notes == [OTHER_TEXT]
 
@@ -112,7 +112,7 @@ def test_a_file_written_otherwise_passes_every_check(good, tmp_path, backend, na
 def test_a_file_as_it_was_written_needs_no_note(good, tmp_path):
     file = StepFile(tmp_path / "lens.step")
     file.path.write_text(good.text)
-    checks, notes = fresh_export_checks(designed_part(good.system, good.lens), "AP242", file)
+    checks, notes = fresh_export_checks(designed_part(good.system), "AP242", file)
     assert (failing(checks), notes) == ([], [])
 
 

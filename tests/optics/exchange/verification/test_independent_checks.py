@@ -14,7 +14,7 @@ from optics.exchange.verification.occt_tracer import occt_through
 from optics.exchange.verification.rays_behind import RaysBehind
 from optics.exchange.verification.step_file import StepFile, optical_faces
 from optics.scene.receivers import receiver_at
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.light_formulas import fresnel, meridional
 from tests.cases import slow_unless
 from tests.optics.cases import failing, moved_point, small_lens
@@ -61,14 +61,14 @@ def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
     file = StepFile(folder / "lens.step")
-    return {*failing(text_and_occt_checks(good.system, good.lens, file, backend))}
+    return {*failing(text_and_occt_checks(good.system, file, backend))}
 
 
 @pytest.mark.every(3)
 @pytest.mark.parametrize("name", slow_unless(EVERY_SHAPE.__contains__, LENSES))
 def test_a_good_file_passes(tmp_path, backend, name):
     system, lens, file = written(tmp_path, LENSES[name])
-    checks = text_and_occt_checks(system, lens, file, backend)
+    checks = text_and_occt_checks(system.with_lens(lens), file, backend)
     assert failing(checks) == []
     assert {c.name for c in checks} >= {LANDING, REAR, FRONT, EDGES, RIMS, UNIT, FACES, UNPAIRED, GAPS}
     assert next(c for c in checks if c.name == LANDING).limit == system.problem.verify.landing == 1e-8
@@ -77,14 +77,14 @@ def test_a_good_file_passes(tmp_path, backend, name):
 
 def test_rays_without_light_do_not_count(tmp_path, backend):
     system, lens, file = written(tmp_path, {"source.profile": "round"})
-    assert failing(text_and_occt_checks(system, lens, file, backend)) == []
+    assert failing(text_and_occt_checks(system.with_lens(lens), file, backend)) == []
 
 
 def test_a_lens_of_another_index_than_the_problem_names_is_traced_with_its_own(tmp_path, backend):
     problem, lens = shaped(tmp_path, {})
     dense = replace(lens, index=lens.index + 0.1)
     write_step(dense, tmp_path / "lens.step")
-    checks = text_and_occt_checks(OpticalSystem(problem), dense, StepFile(tmp_path / "lens.step"), backend)
+    checks = text_and_occt_checks(System(problem).with_lens(dense), StepFile(tmp_path / "lens.step"), backend)
     assert next(c for c in checks if c.name == LANDING).ok
 
 

@@ -12,7 +12,7 @@ from optics.exchange.verification import (
     verify,
 )
 from optics.exchange.verification.independent_checks import text_checks
-from optics.scene.system import OpticalSystem, designed_part
+from optics.scene.system import System, designed_part
 from tests.optics.cases import failing, rough, small_system
 from thbcad.surfaces import THBSurface
 
@@ -48,7 +48,9 @@ def made(tmp_path):
         system = small_system(tmp_path, keys)
         space = system.base.rear.sag.space
         lens = system.base.with_sags([THBSurface(space, rough(space, 0.02))])
-        assert failing(export_step(designed_part(system, lens), "AP242", tmp_path / "lens.step")) == []
+        assert (
+            failing(export_step(designed_part(system.with_lens(lens)), "AP242", tmp_path / "lens.step")) == []
+        )
         return system, lens, tmp_path / "lens.step"
 
     return exported
@@ -60,19 +62,24 @@ def made(tmp_path):
 def test_the_file_holds_the_body_by_all_checks(made, backend, name):
     system, lens, path = made(BODIES[name])
     file = StepFile(path)
-    checks = [*text_and_occt_checks(system, lens, file, backend), *verify(system, lens, file, backend)]
+    checks = [
+        *text_and_occt_checks(system.with_lens(lens), file, backend),
+        *verify(system.with_lens(lens), file, backend),
+    ]
     assert failing(checks) == []
     assert file.has_rims
-    assert file.solid.volume == pytest.approx(system.solid(lens).volume(), rel=1e-6)  # asked of OCCT
+    assert file.solid.volume == pytest.approx(
+        system.with_lens(lens).solid.volume(), rel=1e-6
+    )  # asked of OCCT
     assert abs(file.solid.volume / lens.volume() - 1) > 0.01
 
 
 def test_a_rounded_edge_of_another_radius_is_told_by_radii_and_volume(made):
     system, lens, path = made(DOME | {"lens.body.edge_radius": 0.3})
     text = StepFile(path).text
-    assert failing(text_checks(text, system.solid(lens))) == []
-    other = OpticalSystem(system.problem.with_(**{"lens.body.edge_radius": 0.2997}))
-    failed = failing(text_checks(text, other.solid(lens)))
+    assert failing(text_checks(text, system.with_lens(lens).solid)) == []
+    other = System(system.problem.with_(**{"lens.body.edge_radius": 0.2997}))
+    failed = failing(text_checks(text, other.with_lens(lens).solid))
     assert [name.split(":")[-1].split(",")[0].split(" that")[0] for name in failed] == [
         " walls",
         "volume by quadrature over the text of the file against the closed form",
@@ -81,8 +88,8 @@ def test_a_rounded_edge_of_another_radius_is_told_by_radii_and_volume(made):
 
 def test_a_body_of_another_draft_is_told_by_walls_and_volume(made):
     system, lens, path = made(DOME)
-    other = OpticalSystem(system.problem.with_(**{"lens.body.draft": 2.001}))
-    failed = failing(text_checks(StepFile(path).text, other.solid(lens)))
+    other = System(system.problem.with_(**{"lens.body.draft": 2.001}))
+    failed = failing(text_checks(StepFile(path).text, other.with_lens(lens).solid))
     assert [name.split(":")[-1].split(",")[0].split(" that")[0] for name in failed] == [
         " walls",
         "volume by quadrature over the text of the file against the closed form",
@@ -93,9 +100,12 @@ def test_the_file_of_a_plate_has_every_lens_at_its_place_and_a_shift_of_one_is_f
     plate = {"lens.array.columns": 2, "lens.array.rows": 1, "lens.array.pitch": 24.3, "lens.thickness": 8.0}
     system, lens, path = made(plate)
     file = StepFile(path)
-    checks = [*text_and_occt_checks(system, lens, file, backend), *verify(system, lens, file, backend)]
+    checks = [
+        *text_and_occt_checks(system.with_lens(lens), file, backend),
+        *verify(system.with_lens(lens), file, backend),
+    ]
     assert failing(checks) == []
-    solid = system.made(lens)
+    solid = system.with_lens(lens).made
     moved = replace(solid, pitch=(24.3 + 1e-14, 24.3))
     wrong = [check for check in text_solid_checks(file.text, moved) if not check.ok]
     assert [check.name.partition(" that")[0] for check in wrong] == ["numbers of like lenses"]

@@ -16,7 +16,7 @@ from optics.exchange.verification.step_checks import TOLERANCE, differing_number
 from optics.exchange.verification.step_file import StepFile
 from optics.exchange.verification.trace_comparison import deposit
 from optics.scene.receivers import Screen
-from optics.scene.system import OpticalSystem, lens_product
+from optics.scene.system import System, lens_product
 from tests.optics.cases import failing, moved_point
 from tests.optics.exchange.verification.cases import EVERY_LENS, SPLINES, shaped
 from tests.optics.exchange.verification.changed_texts import moved, point
@@ -45,7 +45,7 @@ def failed(good, folder, text, backend):
     """Return the names of the checks that fail for a file with this text."""
     (folder / "lens.step").write_text(text)
     checked = verification(
-        verify(OpticalSystem(good.problem), good.lens, StepFile(folder / "lens.step"), backend)
+        verify(System(good.problem).with_lens(good.lens), StepFile(folder / "lens.step"), backend)
     )
     names = [c["name"] for c in checked["checks"] if not c["ok"]]
     assert checked["ok"] == (not names)
@@ -57,7 +57,7 @@ def failed(good, folder, text, backend):
 def test_a_good_file_passes(tmp_path, backend, changes):
     problem, lens = shaped(tmp_path, changes)
     written(problem, lens, tmp_path / "lens.step")
-    checks = verify(OpticalSystem(problem), lens, StepFile(tmp_path / "lens.step"), backend)
+    checks = verify(System(problem).with_lens(lens), StepFile(tmp_path / "lens.step"), backend)
     assert failing(checks) == []
     assert len(checks) == 14
 
@@ -66,7 +66,7 @@ def test_the_limits_are_the_problems(good, tmp_path, backend):
     (tmp_path / "lens.step").write_text(good.text)
     limits = {
         c.name: c.limit
-        for c in verify(OpticalSystem(good.problem), good.lens, StepFile(tmp_path / "lens.step"), backend)
+        for c in verify(System(good.problem).with_lens(good.lens), StepFile(tmp_path / "lens.step"), backend)
     }
     v = good.problem.verify
     assert sorted(limit for limit in limits.values() if limit) == sorted(

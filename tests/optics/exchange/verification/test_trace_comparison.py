@@ -13,7 +13,7 @@ from optics.exchange.verification.trace_comparison import compared, file_landing
 from optics.light.tracing import Tracer
 from optics.scene.problem import Problem, load_problem
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import small_system, write_problem
 from thbcad.cad import write_step
 from thbcad.lens import placed_surfaces
@@ -23,7 +23,7 @@ from thbcad.surfaces import THBSurface
 def faces_of(system):
     """Return the faces of a system's lens, as a file has them."""
     front, rear = placed_surfaces(system.base)
-    return lens_faces(SimpleNamespace(front=front, rear=rear), system.path(system.base), system.own_faces)
+    return lens_faces(SimpleNamespace(front=front, rear=rear), system.path, system.own_faces)
 
 
 @pytest.mark.parametrize("sigma", [0.05, 0.02, 0.01, 0.005])
@@ -32,7 +32,7 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
     problem = load_problem(
         write_problem(tmp_path, {"source.profile": "gaussian", "source.sigma": [sigma, sigma]})
     )
-    system = OpticalSystem(problem)
+    system = System(problem)
     faces = faces_of(system)
     subnormal = []
 
@@ -42,7 +42,7 @@ def test_rays_too_weak_for_a_thread_have_no_other_fate(tmp_path, backend, sigma)
         subnormal.append(int((weak & (seen.flux > 0)).sum()))
         return replace(seen, flux=np.where(weak, 0.0, seen.flux))
 
-    seen = compared(system, system.base, backend, (129, 129), flushing)
+    seen = compared(system, backend, (129, 129), flushing)
     assert seen.mismatched == 0
     assert seen.landing <= 1e-8
     assert (subnormal[0] > 0) == (sigma < 0.05)
@@ -59,7 +59,7 @@ def test_a_ray_with_light_that_arrives_in_one_trace_only_counts(tmp_path, backen
         flux[3] *= 1e-13
         return replace(seen, flux=flux)
 
-    assert compared(system, system.base, backend, (9, 9), losing).mismatched == 4
+    assert compared(system, backend, (9, 9), losing).mismatched == 4
 
 
 @pytest.mark.slow
@@ -86,11 +86,11 @@ def test_the_independent_trace_blocks_the_same_rays(tmp_path, source):
         }
     )
     system = solvable_system(problem)
-    lens, path = system.base, system.path(system.base)
+    lens, path = system.base, system.path
     write_step(lens, tmp_path / "lens.step")
     file = StepFile(tmp_path / "lens.step")
-    landing = file_landing(system, lens, file.solid, file)
-    assert all(check.ok for check in light_checks(system, lens, landing, system.backend))
+    landing = file_landing(system.with_lens(lens), file.solid, file)
+    assert all(check.ok for check in light_checks(system.with_lens(lens), landing, system.backend))
     rays = single_rays(system.source.rays((101, 101)), lens)
     tracer = Tracer(system.backend, path, rays)
     _, landing = tracer.trace()
@@ -141,15 +141,19 @@ def test_independent_traces_go_along_a_row_of_elements(backend, name, coats):
         target={"kind": "tophat", "half_width": (60, 60), "pixels": (16, 16), **target},
         stop=(stop,),
     )
-    system = OpticalSystem(problem)
+    system = System(problem)
     rng = np.random.default_rng(3)
     rough = [THBSurface(s.space, rng.normal(0, 0.03, s.space.dim)) for s in system.base.sags]
     lens = system.base.with_sags(rough)
     front, rear = placed_surfaces(lens)
-    path = system.own_path(lens)
+    path = system.with_lens(lens).own_path
     own = lens_faces(SimpleNamespace(front=front, rear=rear), path, system.own_faces)
     seen = compared(
-        system, lens, backend, (41, 43), lambda rays: through_faces(own, rays, path.stops), blocked=True
+        system.with_lens(lens),
+        backend,
+        (41, 43),
+        lambda rays: through_faces(own, rays, path.stops),
+        blocked=True,
     )
     assert seen.mismatched == 0
     assert seen.landing < 1e-9

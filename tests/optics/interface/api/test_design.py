@@ -107,7 +107,7 @@ def test_another_problem_in_the_folder_is_not_replaced_unasked(done):
     other = optics.Design.load(folder)
     varied = other.problem.with_(title="another")
     with pytest.raises(optics.UserError, match="another problem"):
-        Design(varied, optics.System(varied).optical, other.lens).save(folder)
+        Design(optics.System(varied).with_lens(other.lens)).save(folder)
 
 
 def test_verify_checks_file_and_light(done):

@@ -136,7 +136,8 @@ def halves(tmp_path_factory):
 @pytest.mark.parametrize(("turn", "radii"), [(False, (40.0, -60.0)), (True, (60.0, -40.0))])
 def test_a_lens_gives_what_its_problem_leaves_out(halves, tmp_path, capsys, turn, radii):
     problem = bare_problem(tmp_path, "lens.index = 1.5")
-    system, lens = given_system(problem, {}, halves, turn)
+    system = given_system(problem, {}, halves, turn)
+    lens = system.designed
     spec, target = system.problem.lens, system.problem.target
     assert (spec.thickness, *spec.front.half_width) == pytest.approx((6, 10, 10), abs=1e-9)
     assert (lens.front.conic.radius, lens.rear.conic.radius) == pytest.approx(radii, abs=1e-9)
@@ -159,7 +160,8 @@ def test_a_weak_lens_without_a_target_is_not_refused_for_light_that_nobody_wants
     plano_convex, tmp_path, capsys
 ):
     """f = 40 mm: the beam of 12 x 12 mm, 10 x 10 mm at the lens, is 2.5 mm wide 50 mm after it."""
-    system, lens = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, plano_convex, False)
+    system = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, plano_convex, False)
+    lens = system.designed
     assert lens.rear.conic.radius == pytest.approx(-20, abs=1e-9)
     assert system.problem.target.distance == pytest.approx(50, rel=1e-9)
     assert 1 < system.problem.target.half_width[0] < 2.5
@@ -170,7 +172,7 @@ def test_a_weak_lens_without_a_target_is_not_refused_for_light_that_nobody_wants
 
 def test_limits_of_the_user_hold_without_a_target(halves, tmp_path):
     problem = bare_problem(tmp_path, "lens.index = 1.5\nverify.rsd = 0.3")
-    system, _ = given_system(problem, {"verify.stray": 0.01}, halves, False)
+    system = given_system(problem, {"verify.stray": 0.01}, halves, False)
     limits = system.problem.verify
     assert (limits.stray, limits.rsd, limits.lit_efficiency, limits.min_over_mean) == (0.01, 0.3, 0.0, 0.0)
     with pytest.raises(optics.UserError, match="verify is a value, no table"):
@@ -192,7 +194,7 @@ def test_only_a_step_file_is_turned(tmp_path, capsys):
 
 
 def test_no_light_is_judged_where_none_was_requested(halves, tmp_path):
-    system, _ = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, halves, False)
+    system = given_system(bare_problem(tmp_path, "lens.index = 1.5"), {}, halves, False)
     checks = delivery_checks(
         {"rel_l2_debiased": 0.9, "lit_efficiency": 0.1, "stray": 0.5}, system.problem.verify
     )
@@ -211,7 +213,8 @@ def test_the_target_stays_where_the_problem_puts_it(tmp_path, capsys):
     toml = write_problem(tmp_path, FEW)
     write_step(lens, tmp_path / "lens.step")
     problem = load_problem(toml)
-    system, read = given_system(toml, {}, tmp_path / "lens.step", False)
+    system = given_system(toml, {}, tmp_path / "lens.step", False)
+    read = system.designed
     place = problem.lens.thickness + problem.target.distance
     assert read.thickness == pytest.approx(problem.lens.thickness - 0.3, abs=1e-9)
     assert system.problem.lens.thickness + system.problem.target.distance == pytest.approx(place, abs=1e-9)
@@ -220,8 +223,8 @@ def test_the_target_stays_where_the_problem_puts_it(tmp_path, capsys):
 
 def test_a_design_of_a_system_for_scripts_names_what_makes_one(tmp_path):
     problem = load_problem(write_problem(tmp_path))
-    with pytest.raises(optics.UserError, match=r"got System; optics.Design.of_lens\(problem, lens\) makes"):
-        optics.Design(problem, optics.System(problem), small_lens())
+    with pytest.raises(optics.UserError, match=r"got Problem; optics.Design.of_lens\(problem, lens\) makes"):
+        optics.Design(problem)
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_the_flux_of_the_irradiance_is_that_of_the_trace(tmp_path):
     model = system.model(space, RAYS, "cells")
     lens = system.lens(space, np.zeros(space.dim))
     measured = system.measure(lens)
-    area = system.optical.target.screen().pixel_area
+    area = system.target.screen().pixel_area
     assert model(np.zeros(space.dim)).sum() * area == pytest.approx(measured.metrics["efficiency"], rel=1e-3)
     assert model.target.shape == model.shape == (48, 48)
 
@@ -135,7 +135,7 @@ def test_the_far_field_is_in_watts_per_steradian(tmp_path):
     system = small_system(tmp_path, FAR)
     space = system.space()
     intensity = system.model(space, RAYS, "cells")(np.zeros(space.dim))
-    screen = system.optical.target.screen()
+    screen = system.target.screen()
     solid_angles = screen.projection() * screen.pixel_area * (np.pi / 180) ** 2
     measured = system.measure(system.lens(space, np.zeros(space.dim)))
     assert (intensity * solid_angles).sum() == pytest.approx(measured.metrics["efficiency"], rel=1e-3)

@@ -40,9 +40,11 @@ def made(tmp_path_factory, backend):
     lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space, 0.02))])
     target = system.target.irradiance(system.target.screen(), 1.0)
     zero = {t.name: 0.0 for t in tolerances_of(system)} | AMOUNTS
-    budget = tolerance_budget(system, lens, target, backend, zero)
+    budget = tolerance_budget(system.with_lens(lens), target, backend, zero)
     tolerances = tuple(effect.tolerance for effect in budget.effects)
-    model = ErrorModel(system, lens, target, tolerances, (FormTolerance("rear", 1e-4, (3.0, 10.0)),))
+    model = ErrorModel(
+        system.with_lens(lens), target, tolerances, (FormTolerance("rear", 1e-4, (3.0, 10.0)),)
+    )
     rng = np.random.default_rng(2)
     rel = budget.rel_l2 + 0.02 * rng.random((8, 16))
     sets = [[Draw((0.1, -0.2), int(n)) for n in rng.integers(1000, size=16)] for _ in range(8)]
@@ -101,9 +103,9 @@ def test_no_more_workers_start_than_there_are_lenses(made, monkeypatch):
     asked = []
     monkeypatch.setattr(design_errors, "worker_pool", lambda *found: asked.append(found) or nullcontext())
     monkeypatch.setattr(design_errors, "sample_lenses", lambda *found: made.sampled)
-    system, lens = made.model.system, made.model.lens
+    system = made.model.system
     measurement = SimpleNamespace(target=made.model.target)
-    parts = {"system": system, "lens": lens, "measurement": measurement, "problem": system.problem}
+    parts = {"system": system, "measurement": measurement, "problem": system.problem}
     design = Mock(optics.Design, **parts)
     optics.monte_carlo(design, made.budget, 16, workers=40)
     with pytest.raises(optics.UserError, match="the number of samples"):

@@ -83,7 +83,7 @@ def test_light_in_the_far_field_is_per_steradian_in_all_pictures(tmp_path):
         **{"target.distance": np.inf, "target.half_width": (15.0, 15.0)}
     )
     system = optics.System(problem)
-    found = system.measure(system.optical.base)
+    found = system.measure(system.base)
     lit = found.irradiance > 0.01 * found.irradiance.max()
     efficacy = found.colour[1][lit].sum() / found.irradiance[lit].sum()
     assert 0.3 < efficacy < 0.6  # V of the lamp, 317 / 683 lm/W, in one unit with the irradiance

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import shared_folder
 from tests.optics.cases import store_result, write_problem
 from tests.optics.interface.commands.cases import QUICK, command
@@ -56,7 +56,7 @@ def stored(tmp_path):
 
     def made(changes=None, drop=()):
         problem = load_problem(write_problem(tmp_path, changes, drop=drop))
-        return store_result(tmp_path / "result", problem, OpticalSystem(problem).base).path
+        return store_result(tmp_path / "result", problem, System(problem).base).path
 
     return made
 

@@ -74,9 +74,9 @@ def test_the_step_of_a_plate_holds_all_its_lenses(tmp_path) -> None:
     few = {"optimizer.iterations": [1], "lens.rear.freeform.max_level": 0, "target.pixels": [16, 16]}
     problem = write_problem(tmp_path, plate | few)
     main(["design", str(problem), "--out", str(tmp_path / "result")])
-    system, lens, _ = ResultFolder(tmp_path / "result").read()
-    words = ["--measured", measured(tmp_path, lens), "--height-unit", "um", "--step"]
+    system = ResultFolder(tmp_path / "result").read().system
+    words = ["--measured", measured(tmp_path, system.designed), "--height-unit", "um", "--step"]
     main(["asbuilt", str(tmp_path / "result"), *map(str, words)])
     volume = read_step(tmp_path / "result" / "asbuilt" / "lens.step").volume
-    assert volume == pytest.approx(system.made(lens).volume(), rel=1e-3)
-    assert volume > 2 * lens.volume()
+    assert volume == pytest.approx(system.made.volume(), rel=1e-3)
+    assert volume > 2 * system.designed.volume()

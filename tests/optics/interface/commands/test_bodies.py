@@ -6,7 +6,7 @@ import optics
 from optics.interface.api import Design
 from optics.light.analysis import delivery_checks
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import small_space, small_system, write_problem
 from tests.optics.interface.commands.cases import refused
 from thbcad.surfaces import THBSurface
@@ -65,14 +65,16 @@ def test_a_radius_that_the_design_leaves_no_wall_for_fails_by_name_and_the_solid
     """The rear comes 4 mm down, and its rim from z = 7.25 to 3.25 mm: half of that is the wall's."""
     asked = small_system(tmp_path, BODY | {"lens.body.edge_radius": 2.0})
     space = small_space()
-    lens = asked.lens.with_sags([THBSurface(space, [-4.0] * space.dim)])
-    system, unfit = asked.as_possible(lens)
+    lens = asked.base.with_sags([THBSurface(space, [-4.0] * space.dim)])
+    system, unfit = asked.with_lens(lens).as_possible()
     assert "edge_radius = 2 mm is too large: on the wall the rounding of the" in unfit
     assert unfit.endswith("mm, which fits; the solid has sharp edges")
     assert system.problem.optic.body.edge_radius == 0
-    assert failing_of_file(Design(asked.problem, system, lens)) == ["edge_radius of the body"]
+    assert failing_of_file(Design(system.with_lens(lens), requested=asked.problem)) == [
+        "edge_radius of the body"
+    ]
 
 
 def test_a_body_that_fits_is_kept(tmp_path):
-    system = OpticalSystem(load_problem(write_problem(tmp_path, BODY | {"lens.body.edge_radius": 0.3})))
-    assert system.as_possible(system.base) == (system, "")
+    system = System(load_problem(write_problem(tmp_path, BODY | {"lens.body.edge_radius": 0.3})))
+    assert system.as_possible() == (system, "")

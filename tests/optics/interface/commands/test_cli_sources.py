@@ -12,7 +12,7 @@ from optics.designing.etendue import universal_bound
 from optics.interface.commands.cli import main
 from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import write_problem
 from tests.optics.interface.commands.cases import FIGURES, printed, run, strict_json
 from tests.optics.scene.luminaires.cases import asymmetric
@@ -85,7 +85,7 @@ def test_an_extended_problem_ends_well_too(extended):
     assert metrics["levels"] == 2
     assert sum(metrics["fates_w"].values()) == pytest.approx(1.0, abs=1e-9)
     assert metrics["fates_w"]["unresolved"] == 0
-    allowed = universal_bound(OpticalSystem(load_problem(extended.path / "problem.toml")))
+    allowed = universal_bound(System(load_problem(extended.path / "problem.toml")))
     assert metrics["rel_l2_by_etendue"] == allowed.least_rel_l2(metrics["efficiency"])
     assert strict_json((extended.path / "verify.json").read_text())["ok"] is True
     page = (extended.path / "report.html").read_text("utf-8")

@@ -291,22 +291,3 @@ entry()
 """
     done = python(program)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-UNREAD = """
-import sys
-from optics.interface.commands import main
-assert main(["check", sys.argv[1]]) == 0
-from scipy._lib._docscrape import FunctionDoc
-changed = vars(FunctionDoc)["__init__"]
-assert main(["check", sys.argv[1]]) == 0
-assert vars(FunctionDoc)["__init__"] is changed  # once in a process
-from scipy.fft import dct
-from scipy.linalg import solve
-assert "Discrete Cosine Transform" not in dct.__doc__, dct.__doc__
-assert solve([[2.0]], [4.0]) == [2.0]
-"""
-
-
-def test_commands_load_scipy_without_its_docstrings(tmp_path):
-    subprocess.run([sys.executable, "-c", UNREAD, write_problem(tmp_path)], cwd=ROOT, check=True)

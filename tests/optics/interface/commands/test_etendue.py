@@ -23,7 +23,7 @@ from optics.interface.commands.etendue_command import NO_LIMIT, OFF_AXIS, SEVERA
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ldt
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import ROOT
 from tests.optics.cases import HOLLOW, hollow_lens
 from tests.optics.scene.luminaires.cases import asymmetric
@@ -110,9 +110,9 @@ def test_sources_without_extent_have_no_limit(problem_file, changes):
     file = problem_file(changes)
     data, lines, code = run(file)
     assert (code, lines[-1], "bound" in data) == (0, NO_LIMIT, False)
-    system = OpticalSystem(load_problem(file))
+    system = System(load_problem(file))
     assert etendue_notes(system) == ([], [])
-    assert reached_sentences(system, system.base, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
+    assert reached_sentences(system, {"rel_l2_debiased": 0.1, "efficiency": 0.9}) == ([], [])
 
 
 def test_the_light_of_a_file_has_no_etendue_and_meets_a_face_by_name(problem_file, tmp_path):
@@ -176,8 +176,8 @@ def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_eten
     data, lines, code = run(tmp_path / "mirror.toml")
     assert code == 0
     assert "one_blur" not in data
-    system = OpticalSystem(load_problem(tmp_path / "mirror.toml"))
-    bound, light = universal_bound(system), measure(system, system.base, system.backend)
+    system = System(load_problem(tmp_path / "mirror.toml"))
+    bound, light = universal_bound(system), measure(system, system.backend)
     assert data["universal"]["on_target_w"] == bound.most_on_target
     assert data["universal"]["cap_over_sampled"] < 1.016
     assert 1 - 0.015 - 0.045 < light.metrics["efficiency"] / bound.most_on_target < 1 + 0.045
@@ -187,14 +187,14 @@ def test_a_mirror_in_which_only_the_source_is_seen_gives_all_the_light_that_eten
     assert any(line.startswith(said) for line in lines)
     allowed = bound.least_rel_l2(0.99 * bound.most_on_target)
     metrics = {"rel_l2_debiased": allowed, "efficiency": 0.99 * bound.most_on_target}
-    reached = reached_sentences(system, system.base, metrics)
+    reached = reached_sentences(system, metrics)
     assert any("by etendue no mirror" in sentence for sentence in (*reached.limits, *reached.background))
     with pytest.raises(UserError, match=r"a model of one source and a lens on the axis .* leave out --out"):
         run(tmp_path / "mirror.toml", out=str(tmp_path / "bound.png"))
 
 
 def test_the_notes_of_a_problem_name_both_classes(hollow):
-    system = OpticalSystem(load_problem(hollow(SMALL)))
+    system = System(load_problem(hollow(SMALL)))
     found = etendue_notes(system)
     every, _, _, alike = found.background
     assert found.limits == []
@@ -209,28 +209,28 @@ def test_the_notes_of_a_problem_name_both_classes(hollow):
 @pytest.mark.slow
 def test_a_report_judges_by_the_lens_of_the_design(hollow):
     """The rear's area is its own, and no bound is the value that was reached."""
-    system, lens = OpticalSystem(load_problem(hollow(SMALL))), hollow_lens()
-    found = reached_sentences(system, lens, {"rel_l2_debiased": 0.01, "efficiency": 0.9})
+    system, lens = System(load_problem(hollow(SMALL))), hollow_lens()
+    found = reached_sentences(system.with_lens(lens), {"rel_l2_debiased": 0.01, "efficiency": 0.9})
     (every, curve, free), (alike,) = found.background, found.limits
     assert every.startswith("rel_l2 reached 0.0100; etendue forbids no rel_l2 to solids within the envelope")
     assert "that bring 0.9 of the source's light to the target, by any path" in every
     assert curve.endswith("0.0000 up to 1")
     assert f"{rear_area(lens):.4g} mm^2 as this lens has it" in free
     assert "of any proportions" in free
-    bound = one_blur(system, lens, 0.9, FIXED_QUICK, any_form=False).bound.lower_bound
+    bound = one_blur(system.with_lens(lens), 0.9, FIXED_QUICK, any_form=False).bound.lower_bound
     assert bound > 0.02
     assert f"leave a rel_l2 of {rounded_down(bound)} at least" in alike
     assert alike.endswith("left the class: its images of the source are not all alike")
     assert "left" not in every + curve
-    assert reached_sentences(system, lens, {"rel_l2_debiased": 1.0, "efficiency": 0.0}) == ([], [])
+    assert reached_sentences(system.with_lens(lens), {"rel_l2_debiased": 1.0, "efficiency": 0.0}) == ([], [])
 
 
 def test_a_design_below_the_universal_rung_is_doubted(hollow):
     near = {"target.half_width": [20.0, 20.0], "target.distance": 50.0, "target.pixels": [16, 16]}
     wide = {"source.half_width": [4.0, 4.0], "source.distance": 7.0}
-    system = OpticalSystem(load_problem(hollow(near | wide)))
+    system = System(load_problem(hollow(near | wide)))
     metrics = {"rel_l2_debiased": 0.01, "efficiency": 0.6}
-    every, curve, *_ = reached_sentences(system, system.base, metrics).limits
+    every, curve, *_ = reached_sentences(system, metrics).limits
     assert "not within the envelope or was not measured well enough" in every
     assert "no light beyond 0." in curve
     lines = etendue_notes(system).limits
@@ -245,7 +245,7 @@ def test_an_efficiency_out_of_range_is_refused(hollow, efficiency):
 
 @pytest.mark.parametrize("name", ["extended", "extended_two"])
 def test_etendue_forbids_none_of_the_designs_at_hand(name):
-    system = OpticalSystem(load_problem(ROOT / "examples" / f"{name}.toml"))
+    system = System(load_problem(ROOT / "examples" / f"{name}.toml"))
     rows = read_rows(ROOT / "docs" / "data")["extended"].rows
     stored = {row["name"].removeprefix(f"{name}: "): row["value"] for row in rows}
     efficiency = stored["flux on the target, non-sequential"] / system.problem.source.flux

@@ -27,7 +27,7 @@ FEWEST_OPERATIONS = 60
 
 STEPS = (  # of a design that compute: module and function
     ("optics.interface.api.design_run", "shape_lens"),
-    ("optics.interface.api.design_record", "_measured"),
+    ("optics.interface.api.design_result", "measured"),
     ("optics.interface.api.design_files", "_checks"),
     ("optics.interface.api.design_figures", "elements_sight"),
     ("optics.interface.api.design_figures", "photograph"),

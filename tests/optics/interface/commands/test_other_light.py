@@ -10,7 +10,7 @@ from optics.interface.api import Design
 from optics.scene.luminaires import read_luminaire
 from optics.scene.problem import load_problem
 from optics.scene.ray_files import read_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import target_z, write_problem
 from tests.optics.interface.commands.cases import refused, run
 
@@ -30,8 +30,8 @@ def test_a_lens_in_the_sun_stands_beside_its_own_light(capsys, golden, tmp_path)
 def test_a_metric_that_is_not_defined_is_a_dash(capsys, tmp_path, monkeypatch):
     """Similarity has no window on two columns of pixels."""
     problem = load_problem(write_problem(tmp_path, {"target.pixels": [2, 8]}))
-    system = OpticalSystem(problem)
-    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.base))
+    system = System(problem)
+    monkeypatch.setattr(Design, "load", lambda folder: Design(system))
     done = run(capsys, "relight", "lens", "--source", "sun")
     assert (done.code, done.err) == (0, "")
     assert ["ssim", "-", "-"] in [line.split() for line in done.out.splitlines()]
@@ -43,8 +43,8 @@ def test_light_of_another_file_may_be_in_another_unit(capsys, tmp_path, monkeypa
     problem = load_problem(write_problem(tmp_path, {"target.pixels": [12, 12]}))
     (tmp_path / "other").mkdir()
     lumens = write_problem(tmp_path / "other", {"source.unit": "lm", "source.half_width": [3.0, 3.0]})
-    system = OpticalSystem(problem)
-    monkeypatch.setattr(Design, "load", lambda folder: Design(problem, system, system.base))
+    system = System(problem)
+    monkeypatch.setattr(Design, "load", lambda folder: Design(system))
     done = run(capsys, "relight", "lens", "--source", lumens)
     assert done.err == ""
     assert done.out.splitlines()[-1].startswith(f"{lumens}: ")

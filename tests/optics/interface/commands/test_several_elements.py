@@ -5,7 +5,7 @@ import pytest
 from optics.exchange.results import beside
 from optics.interface.relighting import other_source
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import store_result
 from tests.optics.interface.commands.cases import data_of, printed, refused
 
@@ -60,7 +60,7 @@ def test_losses_of_the_last_face_are_its_own(problem, capsys, coarse_concentrati
 
 def test_other_programs_are_refused_before_anything_is_done(problem, tmp_path, capsys):
     asked = load_problem(problem)
-    result = store_result(tmp_path / "result", asked, OpticalSystem(asked).base).path
+    result = store_result(tmp_path / "result", asked, System(asked).base).path
     said = refused(capsys, "verify", result, "--light", "occt")
     assert "this is element.B; verify it without --light" in said
     assert not (result / "verify_light").exists()

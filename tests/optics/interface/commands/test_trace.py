@@ -9,7 +9,7 @@ import pytest
 from optics.exchange.results import ResultFolder
 from optics.light.analysis import measure, sequential
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import store_result
 from tests.optics.interface.commands.cases import refused, run
 
@@ -73,8 +73,8 @@ def test_what_is_not_shown_is_said(capsys, stored, changes, words, phases):
 def test_trace_shows_the_light_that_is_measured(capsys, stored, changes, images):
     """Of every lens of a plate, at every wavelength, spread by rough faces: fates and picture as measured."""
     folder = stored(changes)
-    system, lens, _ = ResultFolder(folder).read()
-    measured = measure(system, lens, system.backend)
+    system = ResultFolder(folder).read().system
+    measured = measure(system, system.backend)
     data = json.loads(run(capsys, "trace", folder, "--rays", 256, "--json").out)
     assert data["rays"] == images * 256**2
     for name, flux in measured.metrics["fates_w"].items():
@@ -99,7 +99,7 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
     problem = Problem(
         source=beam, element=[mirror | {"reflectance": 0.8}], target=target | {"pixels": (8, 8)}
     )
-    folder = store_result(tmp_path / "result", problem, OpticalSystem(problem).base).path
+    folder = store_result(tmp_path / "result", problem, System(problem).base).path
     done = run(capsys, "trace", folder, "--rays", 16)
     assert done.code == 0
     assert "0.800000 W        256 rays  meets the target" in done.out
@@ -115,8 +115,8 @@ def test_a_mirror_is_traced_along_its_path_and_named_as_one(capsys, tmp_path):
 
 def test_rays_are_counted_as_the_flux_is(backend, stored):
     """Without Fresnel's losses flux and number agree: every ray carries the same."""
-    system, lens, _ = ResultFolder(stored(EXTENDED | {"lens.index": 1.0 + 1e-9})).read()
-    _, budget, counts = sequential(system, lens, backend, 64)
+    system = ResultFolder(stored(EXTENDED | {"lens.index": 1.0 + 1e-9})).read().system
+    _, budget, counts = sequential(system, backend, 64)
     for name, count in counts.items():
         assert count / 4096 == pytest.approx(budget.by_name[name], abs=1e-6), name
 

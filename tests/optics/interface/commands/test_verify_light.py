@@ -8,7 +8,7 @@ import pytest
 from optics.exchange.results import sha256_of
 from optics.interface.commands.cli import main
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import store_result, write_problem
 from tests.optics.interface.commands.cases import data_of, printed, raising, refused, strict_json
 from thbcad import write_step
@@ -18,7 +18,7 @@ from thbcad import write_step
 def result(tmp_path):
     """A result folder with a solid."""
     problem = load_problem(write_problem(tmp_path))
-    system = OpticalSystem(problem)
+    system = System(problem)
     folder = store_result(tmp_path / "result", problem, system.base)
     write_step(system.base, folder.step, system.product)
     return folder.path

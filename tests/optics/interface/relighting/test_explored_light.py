@@ -30,7 +30,7 @@ def system_of(folder, changes=None):
 
 
 def explorer_of(system, backend, pixels=48):
-    return Explorer(system, system.base, backend, pixels)
+    return Explorer(system, backend, pixels)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_light_is_that_of_the_tolerance_code(tmp_path, backend, name):
     system = system_of(tmp_path)
     amounts = {tolerance.name: 0.0 for tolerance in tolerances_of(system)} | {name: AMOUNTS[name]}
     target = system.target.irradiance(system.target.screen(), system.problem.flux)
-    budget = tolerance_budget(system, system.base, target, backend, amounts)
+    budget = tolerance_budget(system, target, backend, amounts)
     explorer, (effect,) = explorer_of(system, backend), budget.effects
     assert explorer({name: AMOUNTS[name]}).numbers == effect.ends[1]
     assert explorer({}).numbers == budget.light
@@ -59,7 +59,7 @@ def test_light_is_that_of_another_problem_measured_afresh(tmp_path, backend, kno
     system = system_of(tmp_path)
     problem = system.problem.with_(**other)
     lens = replace(system.base, index=problem.lens.index)
-    fresh = measure(solvable_system(problem), lens, backend).metrics
+    fresh = measure(solvable_system(problem).with_lens(lens), backend).metrics
     numbers = explorer_of(system, backend)({knob: change}).numbers
     assert numbers.rel_l2 == pytest.approx(fresh["rel_l2_debiased"], abs=0.01)  # of 32 rays a pixel: 0.003
     assert numbers.efficiency == pytest.approx(fresh["efficiency"], abs=2e-3)
@@ -107,20 +107,20 @@ def test_values_that_no_knob_can_have_are_refused_by_name(tmp_path, backend):
 
 
 def test_without_ipywidgets_the_command_that_installs_them_is_named(monkeypatch, tmp_path):
-    system = optics.System(load_problem(write_problem(tmp_path))).optical
+    system = optics.System(load_problem(write_problem(tmp_path)))
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     for name in ("optics.interface.relighting.slider_box", "optics.interface.relighting"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     with pytest.raises(
         MissingPackage, match=r'ipywidgets is not installed; pip install "thbcad\[notebook\]"'
     ):
-        optics.Design(asked=system.problem, system=system, lens=system.base).explore()
+        optics.Design(system).explore()
 
 
 PROGRAM = """
 import optics
-system = optics.System(optics.load_problem({path!r})).optical
-box = optics.Design(asked=system.problem, system=system, lens=system.base).explore(32)
+system = optics.System(optics.load_problem({path!r}))
+box = optics.Design(system).explore(32)
 rows, shown = box.children
 first = shown.value
 rows.children[0].value = 0.5
@@ -140,9 +140,9 @@ def test_a_notebook_shows_sliders_and_traces_again_where_one_moves(tmp_path):
 
 def test_a_design_in_light_of_a_script_is_not_explored(tmp_path):
     system = optics.System(load_problem(write_problem(tmp_path)))
-    own = optics.System(system.problem, source=system.optical.source).optical
+    own = optics.System(system.problem, source=system.source)
     with pytest.raises(UserError, match=r"cannot be explored"):
-        optics.Design(asked=system.problem, system=own, lens=own.lens).explore()
+        optics.Design(own).explore()
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_the_target_is_what_a_measurement_compares_with(tmp_path, backend, recei
     """Intensities in the far field, irradiances on a sphere: pixels there differ in size."""
     system = system_of(tmp_path, receiver)
     explored = explorer_of(system, backend, pixels=64)({})
-    measured = measure(system, system.base, backend)
+    measured = measure(system, backend)
     wanted = measured.target / measured.target.mean()
     assert abs(explored.target - wanted).max() < 1e-12 * wanted.max()
     assert explored.numbers.rel_l2 == pytest.approx(measured.metrics["rel_l2"], abs=0.01)

@@ -13,7 +13,7 @@ from optics.interface.relighting import other_source, relit
 from optics.light.analysis import measure
 from optics.scene.luminaires import Opening, write_ies
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, index_at, solvable_system, source_of
+from optics.scene.system import System, index_at, solvable_system, source_of
 from tests.cases import EXAMPLES, ROOT, slow_unless
 from tests.optics.cases import target_z, write_problem
 from tests.optics.scene.luminaires.cases import asymmetric
@@ -95,13 +95,13 @@ def test_every_lens_of_a_row_has_its_index_at_another_wavelength(monkeypatch):
     problem = load_problem(EXAMPLES / "two_elements.toml")
     problem = problem.with_(**{"element.L1.material": "PMMA", "element.L1.index": "auto"})
     auto = {"element.M1.face.radius": 2000.0, "element.M1.face.freeform.z_freedom": 1.0}
-    system, seen = OpticalSystem(problem.with_(**auto)), []
+    system, seen = System(problem.with_(**auto)), []
     module = import_module("optics.interface.relighting.other_light")
     monkeypatch.setattr(module, "measure", lambda *given: seen.append(given))
-    relit(system, system.base, replace(problem.source, wavelength=420.0), None)
-    ((moved, lens, _),) = seen
+    relit(system, replace(problem.source, wavelength=420.0), None)
+    ((moved, _),) = seen
     wanted = index_at(system.problem.optics[0], 420.0, problem.source.wavelength)
-    assert moved.path(lens).media[1].index == pytest.approx(wanted, rel=1e-12)
+    assert moved.path.media[1].index == pytest.approx(wanted, rel=1e-12)
     assert wanted > 1.504
 
 
@@ -135,9 +135,7 @@ def test_the_sun_starts_before_a_front_around_its_source(tmp_path, backend):
     hollow = {"source.distance": 4.0, "lens.front.radius": -30.0, "lens.front.conic": -1.0}
     problem = problem_of(tmp_path, POINT | hollow | {"target.pixels": [12, 12]})
     sun = other_source("sun", problem)
-    fates = relit(OpticalSystem(problem), optics.System(problem).optical.base, sun, backend).metrics[
-        "fates_w"
-    ]
+    fates = relit(System(problem).with_lens(optics.System(problem).base), sun, backend).metrics["fates_w"]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -154,8 +152,8 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
     lamp, same = (other_source(f"{tmp_path}/lamp.ies{at}", problem) for at in ("", "@40mm"))
     assert lamp == same
     assert (lamp.kind, lamp.distance, lamp.flux) == ("luminaire", 40.0, 3.0)
-    lens = optics.System(problem).optical.base
-    fates = relit(OpticalSystem(problem), lens, lamp, load_backend("double")).metrics["fates_w"]
+    lens = optics.System(problem).base
+    fates = relit(System(problem).with_lens(lens), lamp, load_backend("double")).metrics["fates_w"]
     assert sum(fates.values()) == pytest.approx(3.0, rel=1e-12)
 
 
@@ -176,9 +174,9 @@ def test_a_luminaire_has_the_flux_of_the_own_light_and_the_opening_of_its_file(t
 )
 def test_other_words_are_one_sentence(tmp_path, words, sentence):
     problem = problem_of(tmp_path)
-    lens = optics.System(problem).optical.base
+    lens = optics.System(problem).base
     with pytest.raises(UserError, match=sentence):
-        relit(OpticalSystem(problem), lens, other_source(words, problem), load_backend("double"))
+        relit(System(problem).with_lens(lens), other_source(words, problem), load_backend("double"))
 
 
 @pytest.mark.slow
@@ -204,7 +202,7 @@ def test_a_diverging_beam_moves_the_light_by_the_variance_of_its_angles(tmp_path
         },
     )
     light = optics.System(problem)
-    measured = light.measure(light.optical.base)
+    measured = light.measure(light.base)
     x = (2 * np.arange(48) + 1) / 48 * 20 - 20
     row = measured.irradiance.sum(axis=0)
     variance = (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / 48) ** 2 / 12
@@ -227,15 +225,15 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
     backend = load_backend("double", 1)
     glass = {"lens.material": "N-BK7", "lens.absorption": "auto"}
     problem = load_problem(write_problem(tmp_path, glass, drop=("lens.index",)))
-    lens = OpticalSystem(problem).base
-    resolved = OpticalSystem(problem).problem  # as a result folder holds it
+    lens = System(problem).base
+    resolved = System(problem).problem  # as a result folder holds it
     red = replace(problem.source, wavelength=650.0)
-    made_so = OpticalSystem(problem.with_(**{"source.wavelength": 650.0}))
-    wanted = measure(made_so, replace(lens, index=made_so.lens.index), backend)
-    assert relit(OpticalSystem(resolved), lens, red, backend).irradiance == pytest.approx(
+    made_so = System(problem.with_(**{"source.wavelength": 650.0}))
+    wanted = measure(made_so.with_lens(replace(lens, index=made_so.base.index)), backend)
+    assert relit(System(resolved).with_lens(lens), red, backend).irradiance == pytest.approx(
         wanted.irradiance, rel=1e-4
     )
-    white = relit(OpticalSystem(resolved), lens, replace(problem.source, spectrum="LED-B1"), backend)
+    white = relit(System(resolved).with_lens(lens), replace(problem.source, spectrum="LED-B1"), backend)
     assert white.colour.shape == (3, *wanted.irradiance.shape)
     assert white.metrics["rel_l2"] != wanted.metrics["rel_l2"]
     assert white.metrics["fates_w"]["absorbed"] > 0
@@ -244,11 +242,11 @@ def test_in_other_colours_the_lens_has_its_index_there(tmp_path):
 def test_an_index_without_a_known_material_stays(tmp_path):
     backend = load_backend("double", 1)
     problem = problem_of(tmp_path)
-    lens = OpticalSystem(problem).base
-    red = relit(OpticalSystem(problem), lens, replace(problem.source, wavelength=650.0), backend)
-    assert red.irradiance.tobytes() == measure(OpticalSystem(problem), lens, backend).irradiance.tobytes()
+    lens = System(problem).base
+    red = relit(System(problem).with_lens(lens), replace(problem.source, wavelength=650.0), backend)
+    assert red.irradiance.tobytes() == measure(System(problem).with_lens(lens), backend).irradiance.tobytes()
     with pytest.raises(UserError, match=r"source\.spectrum needs the index at .* nm too"):
-        relit(OpticalSystem(problem), lens, replace(problem.source, spectrum="LED-B1"), backend)
+        relit(System(problem).with_lens(lens), replace(problem.source, spectrum="LED-B1"), backend)
 
 
 def test_the_sun_comes_from_where_a_tilted_beam_comes(tmp_path):

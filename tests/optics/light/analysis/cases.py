@@ -38,13 +38,14 @@ class Made:
     """A problem with a rough sag on its rear."""
 
     def __init__(self, folder, changes, backend, height=0.1):
-        self.system, self.backend = small_system(folder, changes), backend
-        self.lens = roughened(self.system.base, height)
+        system, self.backend = small_system(folder, changes), backend
+        self.lens = roughened(system.base, height)
+        self.system = system.with_lens(self.lens)
         self.screen = self.system.target.screen()
 
     def light(self, *counts):
         cells = self.system.source.cells(counts)
-        return cell_irradiance(self.system.path(self.lens), self.screen, cells, self.backend)
+        return cell_irradiance(self.system.path, self.screen, cells, self.backend)
 
     def flux(self, image):
         return image.sum() * self.screen.pixel_area

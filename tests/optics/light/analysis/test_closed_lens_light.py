@@ -16,7 +16,7 @@ from optics.light.analysis.metrics import measure
 from optics.light.tracing import TargetArea, trace_nonsequential
 from optics.scene.receivers import receiver_at
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import DOME, example_system, flat_problem, roughened, small_system
 
 STRONG = DOME | {"source.flux": 3.0, "target.pixels": [10, 8]}
@@ -43,7 +43,7 @@ def found(request, tmp_path_factory, backend):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("optics.light.analysis.light_by_all_ways.nonsequential_light", kept)
-        metrics = measure(system, lens, backend).metrics
+        metrics = measure(system.with_lens(lens), backend).metrics
     other = light[-1]  # noise of the first rays may ask for more
     return system, lens, other, metrics
 
@@ -96,7 +96,7 @@ def test_where_next_to_nothing_comes_by_other_ways_a_few_rays_say_so(tmp_path, b
         return replicates[-1]
 
     monkeypatch.setattr("optics.light.analysis.closed_lens_light._through_front_and_rear", watched)
-    metrics = measure(system, system.base, backend).metrics
+    metrics = measure(system, backend).metrics
     assert len(replicates) == PILOT
     assert metrics["paths"] == "sequential"
     assert metrics["nonsequential"]["by_other_ways"] < NEGLIGIBLE
@@ -109,7 +109,7 @@ def test_light_beside_the_lens_counts_nowhere(tmp_path, backend):
     """A cone three times as wide as the lens: what passes beside it would meet the target too."""
     wide = {"source.distance": 20.0, "target.half_width": [3000.0, 3000.0], "target.distance": 300.0}
     system = system_of(tmp_path, POINT | wide)
-    other = nonsequential_light(system, system.base, system.target.screen(), backend)
+    other = nonsequential_light(system, system.target.screen(), backend)
     assert other.fates.beside_lens > 1.0
     on_pixels = other.light.irradiance.sum() * system.target.screen().pixel_area
     assert on_pixels == pytest.approx(other.light.on_target, rel=1e-9)  # which the fates tell
@@ -120,8 +120,7 @@ def test_the_seed_is_the_problems(tmp_path, backend):
     """The same bytes again; another seed other rays."""
     system, again, other = (system_of(tmp_path, NARROW | {"run.seed": seed}) for seed in (0, 0, 1))
     one, same, different = (
-        nonsequential_light(s, s.lens, s.target.screen(), backend).light.irradiance
-        for s in (system, again, other)
+        nonsequential_light(s, s.target.screen(), backend).light.irradiance for s in (system, again, other)
     )
     assert one.tobytes() == same.tobytes()
     assert not np.array_equal(one, different)
@@ -146,7 +145,7 @@ def test_light_that_may_meet_edges_is_followed(tmp_path, changes, follows):
 def test_light_in_the_far_field_is_what_leaves_the_lens_in_its_directions(tmp_path, backend):
     """By any of its faces, counted by the tangents of direction alone."""
     system = system_of(tmp_path, {"target.distance": np.inf, "target.half_width": [40.0, 30.0]})
-    metrics = measure(system, system.base, backend).metrics
+    metrics = measure(system, backend).metrics
     rays = single_rays(system.source.rays((200, 200), np.random.default_rng(11)), system.base)
     plane = TargetArea(receiver_at(100.0), (1.0, 1.0))
     out = trace_nonsequential(backend, system.base, rays, plane).departures
@@ -169,7 +168,7 @@ def test_a_beam_that_a_front_spreads_past_the_rear_counts_by_all_ways(tmp_path, 
         "lens.rear.half_width": [5.0, 5.0],
     }
     system = system_of(tmp_path, beam)
-    metrics = measure(system, system.base, backend).metrics
+    metrics = measure(system, backend).metrics
     assert metrics["paths"] == paths
     assert (metrics["fates_w"]["missed_rear"] > 0.05) is (paths == "all")
     assert ("nonsequential" in metrics) is (paths == "all")
@@ -181,11 +180,11 @@ def test_light_that_the_walls_of_a_body_take_from_the_rear_is_no_light_through_i
     reflections bring: a hundredth of the light."""
     keys = {"lens.body.draft": 30.0, "lens.body.parting": 0.5, "target.half_width": [12.0, 12.0]}
     system = small_system(tmp_path, keys)
-    metrics = measure(system, system.base, backend).metrics
+    metrics = measure(system, backend).metrics
     assert metrics["paths"] == "all"
     assert metrics["nonsequential"]["by_other_ways"] < -NEGLIGIBLE
     through, closed = metrics["fates_w"], metrics["nonsequential"]["fates_w"]
-    share = system.solid(system.base).feet[1].area / np.prod(2 * np.array(system.problem.source.half_width))
+    share = system.solid.feet[1].area / np.prod(2 * np.array(system.problem.source.half_width))
     rear = closed["on_target"] + closed["off_target"]
     assert rear / (through["on_target"] + through["off_target"]) == pytest.approx(share, abs=0.01)
     assert metrics["efficiency"] == pytest.approx(closed["on_target"], abs=0.01)
@@ -199,7 +198,7 @@ def test_what_the_walls_send_beside_the_target_is_stray(backend):
     wide = {"source.half_angle": 70.0, "target.half_width": (400.0, 400.0), "target.pixels": (16, 16)}
     free = {"lens.rear.freeform.max_level": 0, "lens.rear.freeform.z_freedom": 1.0}
     system = example_system("spot", thick | wide | free)
-    metrics = measure(system, system.base, backend).metrics
+    metrics = measure(system, backend).metrics
     fates, flux = metrics["nonsequential"]["fates_w"], system.problem.flux
     assert metrics["paths"] == "sequential"
     assert fates["edges_off_target"] > 0.05 * flux
@@ -216,8 +215,8 @@ def test_what_the_walls_send_beside_the_target_is_stray(backend):
 def test_light_that_never_meets_the_target_is_stray(backend, half_angle, changes):
     """As front and rear alone count it, with light past the lens; past a sphere also what the walls send."""
     source = {"kind": "point", "half_angle": half_angle, "distance": 8.0}
-    system = OpticalSystem(flat_problem(source, changes, {"thickness": 9}))
-    metrics = measure(system, system.base, backend).metrics
+    system = System(flat_problem(source, changes, {"thickness": 9}))
+    metrics = measure(system, backend).metrics
     fates, direct = metrics["nonsequential"]["fates_w"], metrics["fates_w"]
     beside = fates["beside_lens"]  # all of which passes beside the target too
     through = fates["off_target"] + fates["front_off_target"]

@@ -6,7 +6,7 @@ import pytest
 from optics.light.analysis.judgement import delivery_checks, loss_notes
 from optics.light.analysis.metrics import measure
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import flat_problem
 
 BEAM = {"kind": "collimated", "half_width": (12.0, 12.0), "distance": 40.0}
@@ -18,8 +18,8 @@ GRID = {"half_width": (12, 12), "pixels": (24, 24), "lit": (1, 1)}
 
 
 def light_of(problem):
-    system = OpticalSystem(problem)
-    return measure(system, system.base, system.backend)
+    system = System(problem)
+    return measure(system, system.backend)
 
 
 def plate(name, half, z):
@@ -97,7 +97,7 @@ def test_the_wall_of_a_lens_keeps_light_past_its_smaller_front_from_the_target()
 def test_the_verdict_fails_a_frame_around_even_light_and_says_how_to_hold_the_lens():
     problem = flat_problem(BEAM, GRID | {"lit": (10 / 12, 10 / 12)}).with_(**{"verify.rel_l2": 0.1})
     found = light_of(problem)
-    verdict = found.verdict(problem.verify, loss_notes(found.metrics, OpticalSystem(problem).units))
+    verdict = found.verdict(problem.verify, loss_notes(found.metrics, System(problem).units))
     assert verdict.grade == "light misses"
     assert "--set lens.clear_aperture=[10,10]" in verdict.notes[-1]
     held = light_of(problem.with_(**{"lens.clear_aperture": (10, 10)}))

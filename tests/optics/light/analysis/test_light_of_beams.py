@@ -32,7 +32,7 @@ def test_borders_of_beams_are_far_finer_than_their_samples_tell(tmp_path, backen
     changes by less than a thirtieth of its error."""
     changes = {"source.divergence": 2.0, "source.half_width": [30.0, 30.0], "lens.outline": "ellipse"}
     made = Made(tmp_path, changes, backend)
-    path = made.system.path(made.lens)
+    path = made.system.path
     light, fates = beam_irradiance(made.system, path, made.screen, backend)
     assert fates.missed_rear > 0.01 * fates.transmitted
     monkeypatch.setattr(light_of_beams, "BORDERS", Borders(4 * light_of_beams.BORDERS.cells, 12))

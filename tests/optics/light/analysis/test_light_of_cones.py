@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optics.light.analysis import measure
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import flat_problem
 from tests.optics.light.analysis.cases import through_plate
 
@@ -43,8 +43,8 @@ def test_a_plate_before_a_point_has_the_closed_form(backend, half_width, pixels,
     source = {"kind": "point", "half_angle": HALF_ANGLE, "exponent": 1.0, "distance": BEFORE}
     lens = {"index": INDEX, "thickness": THICKNESS}
     target = {"distance": BEHIND, "half_width": half_width, "pixels": pixels, "lit": (0.5, 0.5)}
-    system = OpticalSystem(flat_problem(source, target, lens))
-    found = measure(system, system.base, backend)
+    system = System(flat_problem(source, target, lens))
+    found = measure(system, backend)
     x, y = (h * ((2 * np.arange(FINE * n) + 1) / (FINE * n) - 1) for h, n in zip(half_width, pixels))
     expected = closed_form(np.hypot(x[None, :], y[:, None]))
     expected = expected.reshape(pixels[1], FINE, pixels[0], FINE).mean(axis=(1, 3)) * system.problem.flux

@@ -35,7 +35,7 @@ def blocks(image, side=8):
 def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
     theirs = optics.System(small_problem(tmp_path, LAMP))
     ours = of_file(lamp)
-    lens = theirs.optical.base
+    lens = theirs.base
     a, b = theirs.measure(lens), ours.measure(lens)
     assert b.metrics["estimator"] == "rays"
     assert b.metrics["efficiency"] == pytest.approx(
@@ -65,7 +65,7 @@ def test_a_file_of_a_lamp_lights_as_the_lamp(lamp, tmp_path):
 )
 def test_a_file_is_turned_about_x_then_y_then_z_and_shifted(lamp, key, angles, axis):
     """By a turn about axes that stay, by a tilt about its own."""
-    rays = of_file(lamp, **{f"source.{key}": angles, "source.shift": [3.0, -2.0]}).optical.source.placed
+    rays = of_file(lamp, **{f"source.{key}": angles, "source.shift": [3.0, -2.0]}).source.placed
     mean = (rays.direction * rays.flux).sum(axis=1)
     np.testing.assert_allclose(mean / np.linalg.norm(mean), axis, atol=2e-3)
     np.testing.assert_allclose(rays.origin.mean(axis=1), [3, -2, -20], atol=2e-3)
@@ -84,7 +84,7 @@ def test_the_gradient_through_rays_of_a_file_is_that_of_differences(lamp):
 
 
 def test_a_point_stands_for_the_lamp_before_there_is_a_lens(lamp):
-    point = of_file(lamp).optical.source.without_extent()
+    point = of_file(lamp).source.without_extent()
     assert isinstance(point, PointSource)
     assert point.distance == pytest.approx(20.0, abs=0.05)
     assert point.half_angle > 80

@@ -57,7 +57,7 @@ def test_three_grids_of_cells_give_the_image_and_its_error(beam, monkeypatch):
         return [next(images)], real(path, screens, cells, backend)[1]
 
     monkeypatch.setattr(light_of_cells, "images_of_cells", watched)
-    result = measure(beam.system, beam.lens, beam.backend)
+    result = measure(beam.system, beam.backend)
     numbers = [n for grid in grids for n in grid]
     assert all(n % k for n in numbers for k in range(2, n))
     assert borders == [(2000, 20), (1000, 20), (500, 20)]
@@ -83,7 +83,7 @@ def test_the_finest_grid_has_cells_for_every_pixel_and_span(beam, monkeypatch):
 
     _, fates = beam.light(11, 11)
     monkeypatch.setattr(light_of_cells, "images_of_cells", watched)
-    path = beam.system.path(beam.lens)
+    path = beam.system.path
     for pixels in ((4, 48), (200, 400), (600, 900)):
         light_of_cells.grid_irradiance(beam.system, path, replace(beam.screen, pixels=pixels), beam.backend)
     assert grids[::3] == [
@@ -109,7 +109,7 @@ def test_the_error_that_is_told_is_the_error(tmp_path, backend, monkeypatch, nam
     exact = extrapolated(fine, coarse, (counts[0] / counts[1]) ** 2) / case.screen.projection()
     for cells in (256, 512, 1024):
         monkeypatch.setattr(light_of_cells, "_cells", lambda *_, cells=cells: cells)
-        result = measure(case.system, case.lens, case.backend)
+        result = measure(case.system.with_lens(case.lens), case.backend)
         error = np.linalg.norm(result.irradiance - exact) / np.linalg.norm(result.target)
         ratios.append(result.metrics["rel_l2_floor"] / error)
         away = rel_l2(exact, result.target) - result.metrics["rel_l2_debiased"]
@@ -123,10 +123,10 @@ def test_the_floor_is_the_size_of_the_error_of_an_almost_linear_map(tmp_path, ba
     """Against 4 times as many cells in each direction, within a small factor: next to nothing is left, and
     that of higher order."""
     case = Made(tmp_path, WHOLE["beam"], backend, height=0.0)
-    usual = measure(case.system, case.lens, backend)
+    usual = measure(case.system.with_lens(case.lens), backend)
     for name in ("LEAST_CELLS", "MORE_PER_PIXEL", "CHEAP"):
         monkeypatch.setattr(light_of_cells, name, 4 * getattr(light_of_cells, name))
-    exact = measure(case.system, case.lens, backend)
+    exact = measure(case.system.with_lens(case.lens), backend)
     error = np.linalg.norm(usual.irradiance - exact.irradiance) / np.linalg.norm(usual.target)
     assert 0.3 < usual.metrics["rel_l2_floor"] / error < 3
     assert exact.metrics["rel_l2_floor"] < usual.metrics["rel_l2_floor"] / 4
@@ -136,7 +136,7 @@ def test_light_beside_the_target_has_the_error_of_its_cells(tmp_path, backend):
     """Rim cells of a round beam lie across its rim: the finest grid is off by what it tells."""
     changes = {"source.profile": "round", "target.half_width": [9.0, 7.0]}
     made = Made(tmp_path, changes, backend, height=0.02)
-    found = measure(made.system, made.lens, backend).metrics
+    found = measure(made.system, backend).metrics
     _, fine = made.light(1021, 1021)
     off = abs(found["stray"] - fine.off_target / made.system.problem.flux)
     assert found["stray_error"] > 0

@@ -65,7 +65,7 @@ def test_the_light_of_a_point_behind_a_window_is_that_of_quadrature(tmp_path):
     system = lit(tmp_path, **WINDOW, **{"target.pixels": [24, 24]})
     assert system.problem.source.half_width == (0.0, 0.0)  # that of the file
     assert system.problem.source.flux == pytest.approx(light.flux, rel=1e-6)
-    found, fates, _ = sequential(system.optical, system.optical.base, load_backend("double"), 724)
+    found, fates, _ = sequential(system, load_backend("double"), 724)
     fine = (np.arange(24 * 8) + 0.5) / (24 * 8) * 40 - 20
     x, y = np.meshgrid(fine, -fine)  # row 0 at +y
     wanted = through_window(light, x, y, 20.0, 6.0, 60.0, 1.5).reshape(24, 8, 24, 8).mean(axis=(1, 3))
@@ -80,7 +80,7 @@ def test_a_lambertian_file_lights_as_a_lambertian_area(tmp_path, profile):
     write_ies(lambertian(), tmp_path / "lamp.ies")
     ours = lit(tmp_path, **size, **NEAR)
     theirs = lit(tmp_path, **size, **NEAR, **{"source.kind": "lambertian", "source.file": ""})
-    a, b = (sequential(s.optical, s.optical.base, load_backend("double"), 512) for s in (ours, theirs))
+    a, b = (sequential(s, load_backend("double"), 512) for s in (ours, theirs))
     assert a[1].on_target == pytest.approx(b[1].on_target, rel=3e-3)
     assert np.linalg.norm(a[0] - b[0]) < 0.04 * np.linalg.norm(b[0])  # 400 rays per pixel
 
@@ -93,10 +93,10 @@ def test_a_lambertian_file_lights_as_a_lambertian_area(tmp_path, profile):
 def test_fates_sum_to_the_flux(lamp, more):
     """Light of gamma beyond 90 degrees, which goes back, passes beside the lens."""
     system = lit(lamp, **{"source.flux": 3.0, "target.pixels": [12, 12]} | more)
-    path, screen = system.optical.path(system.optical.base), system.optical.target.screen()
-    _, fates = ray_irradiance(system.optical, path, screen, load_backend("double"))
+    path, screen = system.path, system.target.screen()
+    _, fates = ray_irradiance(system, path, screen, load_backend("double"))
     assert fates.total == pytest.approx(3.0, rel=1e-12)
-    light = system.optical.source.directions.light
+    light = system.source.directions.light
     below = light.flux_within(90.0) / light.flux
     back = below if "source.turn" in more else 1 - below
     assert fates.by_name["beside_lens"] > 3.0 * back
@@ -105,7 +105,7 @@ def test_fates_sum_to_the_flux(lamp, more):
 @pytest.mark.slow
 def test_turning_by_half_a_turn_about_z_turns_the_picture(lamp):
     a, b = (
-        sequential(s.optical, s.optical.base, load_backend("double"), 512)[0]
+        sequential(s, load_backend("double"), 512)[0]
         for s in (lit(lamp, **COARSE), lit(lamp, **COARSE, **{"source.turn": [0.0, 0.0, 180.0]}))
     )
     np.testing.assert_allclose(b[::-1, ::-1], a, rtol=1e-9)
@@ -126,7 +126,7 @@ def test_the_gradient_through_a_luminaire_is_that_of_differences(lamp):
 def test_rays_of_a_symmetric_luminaire_are_taken_with_their_mirror_images(tmp_path):
     write_ies(lambertian(), tmp_path / "lamp.ies")
     size = {"source.half_width": [2.0, 1.0]}
-    source = lit(tmp_path, **size).optical.source
+    source = lit(tmp_path, **size).source
     assert source.symmetric
     rays, half = source.rays((16, 16)), mirror_half(source.rays((16, 16)), (0,))
     mirror = np.array([[-1.0], [1.0], [1.0]])
@@ -135,7 +135,7 @@ def test_rays_of_a_symmetric_luminaire_are_taken_with_their_mirror_images(tmp_pa
         both = np.concatenate([part, mirror * part], axis=1)
         np.testing.assert_array_equal(np.sort(both, axis=1), np.sort(whole, axis=1))
     for more in ({"source.turn": [0.0, 0.0, 10.0]}, {"source.shift": [0.0, 1.0]}):
-        assert not lit(tmp_path, **size | more).optical.source.symmetric
+        assert not lit(tmp_path, **size | more).source.symmetric
 
 
 @pytest.mark.parametrize(("c", "symmetric"), [(0.0, False), (90.0, False), (None, True)])
@@ -148,7 +148,7 @@ def test_a_lamp_that_leans_to_one_side_is_not_symmetric(c, symmetric):
 
 
 def test_a_point_stands_for_the_luminaire_before_there_is_a_lens(lamp):
-    point = lit(lamp).optical.source.without_extent()
+    point = lit(lamp).source.without_extent()
     assert isinstance(point, PointSource)
     assert point.distance == pytest.approx(20.0, abs=0.1)
 
@@ -157,17 +157,17 @@ def test_no_bound_is_given_and_a_sentence_says_what_is_assumed(lamp):
     from optics.designing.etendue import etendue_notes
     from optics.scene.system import advice
 
-    system = lit(lamp).optical
+    system = lit(lamp)
     assert system.source.etendue == 0
     assert etendue_notes(system) == ([], [])
     assumed = "same intensity from every point"
     assert [assumed in sentence for sentence in advice(system)[:2]] == [True, False]
     own = system.problem.source.flux
-    scaled = advice(lit(lamp, **{"source.flux": 2.0}).optical)
+    scaled = advice(lit(lamp, **{"source.flux": 2.0}))
     assert f"the flux of source.file, {own:.6g}, is scaled to source.flux = 2; 0 keeps it" in scaled
-    dimmed = advice(lit(lamp, **{"source.flux": 2.0, "source.weight": 0.5}).optical)
+    dimmed = advice(lit(lamp, **{"source.flux": 2.0, "source.weight": 0.5}))
     assert f"the flux of source.file, {own:.6g}, is scaled to source.flux = 2; 0 keeps it" in dimmed
-    assert "scaled" not in "".join(advice(lit(lamp, **{"source.weight": 0.5}).optical))
+    assert "scaled" not in "".join(advice(lit(lamp, **{"source.weight": 0.5})))
     assert "scaled" not in "".join(advice(system))
 
 

@@ -49,11 +49,11 @@ class File:
     """Light through the faces of a STEP file."""
 
     def __init__(self, system, lens, path, backend):
-        clear = system.clear_aperture(lens)
+        clear = system.with_lens(lens).clear_aperture
         self.radii = clear and {name: c.half_width[0] for name, c in zip(("front", "rear"), clear)}
         self.path, self.backend, self.index = path, backend, lens.index
         self.screen = system.target.screen()
-        self.target = TargetArea.of(system.path(lens), self.screen.half_width)
+        self.target = TargetArea.of(system.with_lens(lens).path, self.screen.half_width)
 
     def sequence(self, rays):
         return file_sequence(self.path, rays, self.index, self.target, self.radii)
@@ -92,7 +92,7 @@ def made(request, tmp_path_factory, backend):
     folder = tmp_path_factory.mktemp("light")
     system = small_system(folder, POINT | LENSES[request.param])
     lens = roughened(system.base)
-    (folder / "lens.step").write_bytes(step_bytes(system.solid(lens)))
+    (folder / "lens.step").write_bytes(step_bytes(system.with_lens(lens).solid))
     return system, lens, File(system, lens, folder / "lens.step", backend)
 
 
@@ -105,7 +105,7 @@ def ends(fates, names=FATE):
 def test_rays_land_where_those_of_the_file_do(made, backend):
     system, lens, file = made
     rays = system.source.rays((24, 24))
-    tracer = Tracer(backend, system.path(lens), rays)
+    tracer = Tracer(backend, system.with_lens(lens).path, rays)
     _, landing = tracer.trace()
     points, fates = file.sequence(rays)
     arrives = np.isfinite(points[0])
@@ -133,7 +133,7 @@ def test_metrics_are_those_of_the_file(made, backend, monkeypatch):
     monkeypatch.setattr(light_by_all_ways, "REPLICATES", REPLICATES)
     monkeypatch.setattr(light_of_cells, "_cells", lambda *_: CELLS)
     monkeypatch.setattr(light_of_cells, "FINEST", Borders(2 * CELLS, 20))
-    found = measure(system, lens, backend)
+    found = measure(system.with_lens(lens), backend)
 
     ((fine,), fates), ((coarse,), _) = (
         traced_cells(

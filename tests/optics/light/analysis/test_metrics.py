@@ -9,7 +9,7 @@ import pytest
 from optics.light.analysis import delivery_checks, light_of_rays
 from optics.light.analysis.metrics import compare, measure
 from optics.scene.sources import LambertianArea
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import GLOWING, flat_problem, picture, small_system
 
 LAMP = GLOWING | {"source.half_angle": 40.0}
@@ -18,7 +18,7 @@ PLATE = {"lens.rear.radius": np.inf, "target.half_width": [9.5, 9.5]}
 
 def measured(folder, backend, changes=None, image=None):
     system = small_system(folder, changes, image=image)
-    return measure(system, system.base, backend)
+    return measure(system, backend)
 
 
 def test_equal_pictures_have_no_error():
@@ -157,8 +157,8 @@ def test_rays_are_raised_to_four_times_at_most_where_that_decides_on_the_uniform
     led = {"kind": "lambertian", "half_width": (0.05, 0.05), "half_angle": 14.0, "distance": 4.0}
     target = {"half_width": (12, 12), "pixels": (96, 96), "lit": (1, 1)}
     problem = flat_problem(led, target).with_(**{"verify.min_over_mean": limit, "verify.rsd": 1.0})
-    system = OpticalSystem(problem)
-    found = measure(system, system.base, system.backend)
+    system = System(problem)
+    found = measure(system, system.backend)
     usual = light_of_rays.ray_count(system.target.screen())
     assert found.metrics["rays"] / usual == pytest.approx(times, abs=1.0 if times > 1 else 0.0)
     checks = delivery_checks(found.metrics, problem.verify)

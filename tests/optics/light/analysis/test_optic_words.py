@@ -19,7 +19,7 @@ from thbcad.lens import FreeformSurface
 )
 def test_a_coated_lens_is_said_to_be_one(tmp_path, keys, words):
     system = small_system(tmp_path, keys)
-    assert passing_words(passing_share(system.path(system.base))) == words
+    assert passing_words(passing_share(system.path)) == words
 
 
 def test_two_mirrors_are_no_lens():
@@ -40,7 +40,7 @@ def test_two_mirrors_are_no_lens():
 )
 def test_a_row_passes_what_all_its_faces_do(example, words):
     system = example_system(example)
-    assert passing_words(passing_share(system.path(system.base))) == words
+    assert passing_words(passing_share(system.path)) == words
 
 
 def test_the_faces_that_count_are_those_of_the_whole_path():

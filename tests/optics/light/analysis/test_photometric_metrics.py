@@ -41,7 +41,7 @@ def metrics(tmp_path, backend):
 
     def made(changes):
         system = small_system(tmp_path, changes)
-        return measure(system, system.base, backend).metrics
+        return measure(system, backend).metrics
 
     return made
 
@@ -141,7 +141,7 @@ def test_the_mean_on_a_sphere_is_flux_over_area(backend):
         | {"lens.rear.freeform.z_freedom": 6.0},
     )
     system = solvable_system(problem)
-    found = measure(system, system.base, backend).metrics
+    found = measure(system, backend).metrics
     area = 2 * 1500.0 * 2 * 1600.0 * np.sin(2000 / 1600.0)  # mm^2
     flux = found["efficiency"] * system.problem.flux
     assert found["target_mean_w_m2"] == pytest.approx(1e6 * flux / area, rel=1e-3)
@@ -151,5 +151,5 @@ def test_light_that_lights_every_pixel_is_all_on_the_lit_region(tmp_path, backen
     """Every pixel is lit, so that both efficiencies are one."""
     rough = {"lens.rear.slope_rms": 0.02, "target.kind": "tophat", "target.lit": (1.0, 1.0)}
     system = small_system(tmp_path, rough | {"target.half_width": (90.0, 90.0)})
-    found = measure(system, system.base, backend).metrics
+    found = measure(system, backend).metrics
     assert found["lit_efficiency"] == pytest.approx(found["efficiency"], rel=1e-12)

@@ -6,7 +6,7 @@ import pytest
 from optics.light.analysis import measure, polarisation_change, polarisation_note
 from optics.light.tracing import transmittances
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import small_system
 
 PLATE = """
@@ -30,8 +30,8 @@ pixels = [16, 16]
 def test_a_plate_at_65_degrees_passes_more_than_the_means_of_s_and_p_say(tmp_path, backend):
     file = tmp_path / "plate.toml"
     file.write_text(PLATE)
-    system = OpticalSystem(load_problem(file))
-    metrics = measure(system, system.base, backend).metrics
+    system = System(load_problem(file))
+    metrics = measure(system, backend).metrics
     t_s, t_p = (t[0] for t in transmittances(1.0, 1.5, np.radians(65.0)))
     right, mean = (t_s**2 + t_p**2) / 2, ((t_s + t_p) / 2) ** 2
     assert metrics["fates_w"]["on_target"] == pytest.approx(right, rel=1e-9)
@@ -43,7 +43,7 @@ def test_a_plate_at_65_degrees_passes_more_than_the_means_of_s_and_p_say(tmp_pat
 
 def test_parallel_light_through_a_plane_front_says_nothing(tmp_path, backend):
     system = small_system(tmp_path, {"source.kind": "collimated"})
-    assert polarisation_change(system, system.path(system.base), backend) == {}
+    assert polarisation_change(system, system.path, backend) == {}
     assert polarisation_note({}) == []
 
 

@@ -23,7 +23,7 @@ BEAM = 9.5**2 / 3  # variance of both, mm^2
 def variance(folder, changes):
     """The variance of x over the target's light, mm^2, without that within a pixel; and the measurement."""
     system = optics.System(small_problem(folder, PLATE | changes))
-    measured = system.measure(system.optical.base)
+    measured = system.measure(system.base)
     x = (2 * np.arange(PIXELS) + 1) / PIXELS * 20 - 20
     row = measured.irradiance.sum(axis=0)
     return (row @ x**2) / row.sum() - (row @ x / row.sum()) ** 2 - (40 / PIXELS) ** 2 / 12, measured, system
@@ -80,7 +80,7 @@ def test_a_rough_fixed_mirror_behind_the_lens_spreads_light_by_its_own_slopes():
         rough = mirror | {"face": face | {"slope_rms": rms}}
         problem = optics.Problem(source=lamp, element=[lens, rough], target={"kind": "tophat", **target})
         system = optics.System(problem)
-        light = system.measure(system.optical.base).irradiance
+        light = system.measure(system.base).irradiance
         x = (2 * np.arange(64) + 1) / 64 * 20 - 20
         variances.append([light.sum(axis=axis) @ x**2 / light.sum() for axis in (0, 1)])
     spread = np.diff(variances, axis=0)[0] / (2 * 100 * 0.02) ** 2

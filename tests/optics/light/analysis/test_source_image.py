@@ -7,7 +7,7 @@ from optics.base.runtime import load_backend
 from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.light.analysis.light_of_rays import light_of_parts
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.source_image import Scene, SourceImage, pixel_irradiance
 from tests.cases import EXAMPLES
 from tests.optics.cases import rough
@@ -58,7 +58,7 @@ def test_glass_of_index_1_leaves_the_light_of_the_source():
 def test_rays_measure_what_the_source_s_image_says(tmp_path):
     """The lens of Table 6.3 with a rough rear: pixel by pixel within the replicates' spread, and together."""
     problem = load_problem(EXAMPLES / "extended.toml").with_(**{"target.pixels": [32, 32]})
-    system, backend = OpticalSystem(problem), load_backend("double")
+    system, backend = System(problem), load_backend("double")
     space = system.base.rear.sag.space
     for level in range(2):
         space = space.refine({level: space.cells[space.cells[:, 0] == level, 1:]})
@@ -68,7 +68,7 @@ def test_rays_measure_what_the_source_s_image_says(tmp_path):
     def replicates():
         for _ in range(REPLICATES):
             parts = system.source.parts((SIDE, SIDE), rng)
-            path, rms = system.path(lens), system.slope_rms
+            path, rms = system.with_lens(lens).path, system.slope_rms
             images, fates = light_of_parts(path, rms, [screen], parts, rng, backend)
             yield Light.of(images, fates.on_target, fates.off_target)
 

@@ -11,7 +11,7 @@ from optics.base.runtime import check_lines, verification
 from optics.light.analysis import delivered, delivery_checks, judged, measure
 from optics.light.analysis.light_estimate import Light, LightEstimate
 from optics.scene.problem import Verify, load_problem
-from optics.scene.system import OpticalSystem, advice
+from optics.scene.system import System, advice
 from tests.optics.cases import write_problem
 
 LUMENS = 500.0
@@ -33,8 +33,8 @@ INTENSITY = LUMENS / (2 * pi * (1 - cos(radians(20)))) * 0.96**2  # cd, at norma
 
 def measured(folder, backend, zones, **changes):
     problem = load_problem(write_problem(folder, CONE), {"target.zone": zones, **changes})
-    system = OpticalSystem(problem)
-    return system, measure(system, system.base, backend)
+    system = System(problem)
+    return system, measure(system, backend)
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def test_zones_are_read_over_an_aperture_however_wide_pixels_are(tmp_path, backe
     fine = load_problem(
         tmp_path / "problem.toml", narrow | {"target.pixels": [80, 80], "target.zone": [zone]}
     )
-    assert not any("zones are read" in note for note in advice(OpticalSystem(fine)))
+    assert not any("zones are read" in note for note in advice(System(fine)))
 
 
 ROW = {"name": "at (0, 0)", "value": 100.0, "error": 5.0, "least": 92.0, "greatest": None, "limit": 92.0}

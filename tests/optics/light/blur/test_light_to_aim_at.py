@@ -9,7 +9,7 @@ from optics.light.blur import Blur, LandingShifts, aimed, aimed_light
 from optics.light.blur.light_to_aim_at import LOST, PEAK
 from optics.scene.receivers import Screen
 from optics.scene.sources import Divergence
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import small_problem, small_system
 
 SCREEN = Screen((8.0, 6.0), (16, 12))
@@ -80,16 +80,16 @@ def test_a_blur_much_narrower_than_a_pixel_leaves_the_target():
 def test_a_blurred_system_gets_an_aim_and_others_stay(tmp_path):
     backend = load_backend("double", 1)
     blurred = small_system(tmp_path, SUN)
-    system = aimed(blurred, blurred.lens, backend)
+    system = aimed(blurred, backend)
     assert not system.blurred
     assert system.aim is not None
     assert system.target.settings == blurred.target.settings
     assert system.goal.screen().pitch == pytest.approx(blurred.target.screen().pitch)
     light = system.goal.irradiance(system.goal.screen(), 2.0)
     assert light.sum() * system.goal.screen().pixel_area == pytest.approx(2.0)
-    assert aimed(system, system.base, backend) is system
+    assert aimed(system, backend) is system
     plain = small_system(tmp_path)
-    assert aimed(plain, plain.lens, backend) is plain
+    assert aimed(plain, backend) is plain
     assert plain.goal is plain.target
 
 
@@ -99,15 +99,15 @@ def test_a_wide_blur_is_aimed_through_on_merged_pixels(tmp_path):
     for pixels, most in ((48, 48 + 2 * 20), (2048, 2048 // 8 + 2 * 66)):
         changes = {"source.divergence": 12.0, "target.pixels": [pixels, pixels]}
         blurred = small_system(tmp_path, changes)
-        screen = aimed(blurred, blurred.lens, load_backend("double", 1)).goal.screen()
+        screen = aimed(blurred, load_backend("double", 1)).goal.screen()
         assert max(screen.pixels) <= most
 
 
 def test_the_far_field_has_an_aim_of_intensities(tmp_path):
     far = {"target.distance": float("inf"), "target.half_width": [15.0, 15.0], "target.kind": "tophat"}
     problem = small_problem(tmp_path, SUN | far, drop=("target.image",))
-    blurred = OpticalSystem(problem)
-    system = aimed(blurred, blurred.lens, load_backend("double", 1))
+    blurred = System(problem)
+    system = aimed(blurred, load_backend("double", 1))
     screen = system.goal.screen()
     assert screen.angular
     assert system.goal.irradiance(screen, 1.0).sum() * screen.pixel_area == pytest.approx(1.0)

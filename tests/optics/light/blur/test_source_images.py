@@ -18,7 +18,7 @@ WINDOW = {
 
 def spread(folder, backend, changes):
     system = small_system(folder, WINDOW | changes)
-    return spot_rms(system, system.base, backend), system
+    return spot_rms(system, backend), system
 
 
 def test_parallel_light_and_points_have_no_spread(tmp_path, backend):
@@ -72,7 +72,7 @@ def test_an_area_spreads_as_its_shadow_through_a_pinhole(tmp_path, backend):
     found, system = spread(tmp_path, backend, changes)
     assert sin(radians(half_angle)) * near < min(system.base.front.half_width)  # all light meets the window
     assert found == pytest.approx(half / sqrt(3) * 200 / near, rel=0.03)
-    images = patch_images(system, system.base, backend)
+    images = patch_images(system, backend)
     middle = len(images.flux) // 2
     assert images.width[:, middle, middle] == pytest.approx(2 * half * 200 / near, rel=0.03)
     assert tan(radians(half_angle)) < 0.2

@@ -13,7 +13,7 @@ DIAGONAL = np.eye(2)
 def shifts_of(folder, changes, backend, bumps=0.0):
     system = small_system(folder, changes)
     lens = roughened(system.base, bumps)
-    return landing_shifts(system, system.path(lens), backend), system, lens
+    return landing_shifts(system, system.with_lens(lens).path, backend), system, lens
 
 
 def test_behind_a_plate_angles_grow_to_lengths(tmp_path, backend):

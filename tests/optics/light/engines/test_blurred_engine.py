@@ -39,9 +39,9 @@ CASES = {
 def model_of(folder, changes, backend):
     system = small_system(folder, changes)
     lens = roughened(system.base, 0.05, count())
-    engine = BlurredEngine(ExactEngine(backend), blur_of(system, system.path(lens), backend))
+    engine = BlurredEngine(ExactEngine(backend), blur_of(system, system.with_lens(lens).path, backend))
     film = Film(system.target.screen(margin=4), (161, 161))
-    return engine.model(system.shaping, lens, film), lens, system
+    return engine.model(system.shaping.with_lens(lens), film), lens, system
 
 
 @pytest.mark.every(3)
@@ -81,7 +81,7 @@ def test_gradient_is_that_of_the_loss(tmp_path, case):
 def test_the_blurred_image_is_what_beams_measure(tmp_path, backend, case):
     """One blur for all of the lens, against beams of all directions: most of what they change is there."""
     model, lens, system = model_of(tmp_path, CASES[case], backend)
-    measured = measure(system, lens, backend)
+    measured = measure(system.with_lens(lens), backend)
     found = model.screen.crop(model.image(coefficients(lens))) / system.target.screen().projection()
     off, changed = (float(np.linalg.norm(a - measured.irradiance)) for a in (found, measured.sharp))
     assert off < 0.25 * changed

@@ -28,17 +28,17 @@ def traced(folder, changes, backend):
     system = small_system(folder, changes)
     lens = roughened(system.base, 0.05, count())
     engines = [ExactEngine(backend)]
-    for spread in reversed(spreads_of(system, system.path(system.base), backend)):
+    for spread in reversed(spreads_of(system, system.path, backend)):
         engines.append(BlurredEngine(engines[-1], spread))
     film = Film(system.target.screen(margin=4), (161, 161))
-    models = [engine.model(system.shaping, lens, film) for engine in (engines[-1], engines[0])]
+    models = [engine.model(system.shaping.with_lens(lens), film) for engine in (engines[-1], engines[0])]
     return *(m.screen.crop(m.image(coefficients(lens))) for m in models), system, lens
 
 
 def test_the_light_of_a_model_is_that_of_all_lenses(tmp_path, backend):
     """Half a pitch is 8.3 pixels; the estimates differ by their cells, and by what moves within pixels."""
     both, one, system, lens = traced(tmp_path, NEAR, backend)
-    measured = measure(system, lens, backend).irradiance / 2
+    measured = measure(system.with_lens(lens), backend).irradiance / 2
     found, alone = (np.linalg.norm(image - measured) / np.linalg.norm(measured) for image in (both, one))
     assert found < 0.02
     assert alone > 0.5

@@ -52,7 +52,7 @@ def test_another_source_has_rays_of_its_own(tmp_path):
 def slopes(engine, system, film):
     """Return the derivatives of the squares of the pixels, at a rough rear."""
     sag = system.base.rear.sag
-    light = engine.model(system, system.base, film).light([rough(sag.space)])
+    light = engine.model(system, film).light([rough(sag.space)])
     (gradient,) = light.pull_back(2 * light.image)
     return gradient
 

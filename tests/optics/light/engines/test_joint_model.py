@@ -20,7 +20,10 @@ def followed(folder, backend, changes, bounces=12):
     """Return (system, lens, all its branches, those within before the rear as rays)."""
     system = small_system(folder, SMALL | changes)
     lens = roughened(system.base, 0.2, count())
-    rays, path = system.own_rays(system.source.rays((48, 48)), lens), system.own_path(lens)
+    rays, path = (
+        system.with_lens(lens).own_rays(system.source.rays((48, 48))),
+        system.with_lens(lens).own_path,
+    )
     area = TargetArea.of(path, system.target.screen().half_width)
     every = trace_nonsequential(backend, lens, rays, area, bounces, threshold=0.0)
     within = every.onto_rear
@@ -33,7 +36,7 @@ def test_rays_within_leave_the_rear_as_branches_of_the_closed_lens_do(tmp_path, 
     by_rear = ~every.direct & np.isin(every.fate, [FATES.index("on_target"), FATES.index("off_target")])
     wanted = np.column_stack([every.landings.points, every.landings.flux])[by_rear]
     film = Film(system.target.screen(1, 3), (48, 48), BSplineWindow(2))
-    _, landing = light_within(backend, system.own_path(lens), rays, film)._tracer.trace()
+    _, landing = light_within(backend, system.with_lens(lens).own_path, rays, film)._tracer.trace()
     found = np.column_stack([landing.x.numpy(), landing.y.numpy(), landing.flux.numpy()])
     found = found[found[:, 2] > 0]
     assert len(found) == len(wanted) > 100
@@ -46,8 +49,8 @@ def test_forward_is_the_transpose_of_backward_and_the_start_is_the_path_alone(tm
     """w . (J d) == (J' w) . d but for rounding; at the start nothing has changed."""
     system, lens, _, rays = followed(tmp_path, backend, BOTH_FREE)
     film = Film(system.target.screen(1, 3), (48, 48), BSplineWindow(2), axes)
-    path = ExactEngine(backend).model(system, lens, film)
-    within = light_within(backend, system.own_path(lens), rays, film)
+    path = ExactEngine(backend).model(system.with_lens(lens), film)
+    within = light_within(backend, system.with_lens(lens).own_path, rays, film)
     at, rng = [sag.coefficients for sag in lens.sags], np.random.default_rng(1)
     model = JointModel(path, within, within.image(at[-1:]))
     np.testing.assert_allclose(model.image(at), path.image(at), rtol=0, atol=1e-12 * path.image(at).max())
@@ -67,7 +70,7 @@ def test_light_within_is_its_own_mirror_image_in_the_axes(tmp_path, backend):
     film = Film(system.target.screen(1, 3), (48, 48), BSplineWindow(2))
     at = [sag.coefficients for sag in lens.sags]
     whole, halves = (
-        light_within(backend, system.own_path(lens), rays, replace(film, axes=axes)).image(at)
+        light_within(backend, system.with_lens(lens).own_path, rays, replace(film, axes=axes)).image(at)
         for axes in ((), (0,))
     )
     np.testing.assert_allclose(halves, (whole + whole[:, ::-1]) / 2, rtol=0, atol=1e-12 * whole.max())

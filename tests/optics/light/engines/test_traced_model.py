@@ -33,7 +33,7 @@ def model_of(folder, backend, changes, window, axes=(), pixels=24, rays=(91, 87)
     system = small_system(folder, changes)
     lens = roughened(system.base, 0.05, count())
     film = Film(system.target.screen(48 // pixels, 3), rays, window, axes)
-    return ExactEngine(backend).model(system, lens, film), [sag.coefficients for sag in lens.sags]
+    return ExactEngine(backend).model(system.with_lens(lens), film), [sag.coefficients for sag in lens.sags]
 
 
 HALVES = {f"mirrored in {axes}": ({"target.kind": "tophat"}, None, axes) for axes in ((0,), (1,), (0, 1))}

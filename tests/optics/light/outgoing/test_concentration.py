@@ -21,7 +21,7 @@ from optics.light.outgoing import (
 from optics.light.outgoing.concentration import _gathered
 from optics.light.outgoing.straight_light import StraightLight
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.cases import THOROUGH, examples
 from tests.optics.cases import roughened, small_system, tracer_to
 
@@ -49,7 +49,7 @@ def concentrated(tmp_path_factory, backend):
     def found(changes):
         if (key := repr(changes)) not in known:
             system = small_system(folder, changes)
-            known[key] = system, greatest_concentration(system, system.base, backend)
+            known[key] = system, greatest_concentration(system, backend)
         return known[key]
 
     return found
@@ -134,7 +134,7 @@ def test_no_counted_disk_holds_more(tmp_path_factory, seed, height):
     rng, backend = np.random.default_rng(seed), load_backend("double", 1)
     system = small_system(tmp_path_factory.mktemp("rough"), {})
     lens = roughened(system.base, height, [seed % 1000])
-    found = greatest_concentration(system, lens, backend)
+    found = greatest_concentration(system.with_lens(lens), backend)
     rays = system.source.rays((701, 701))
     each = rays.total / rays.flux.size
     best = 0.0
@@ -203,8 +203,8 @@ def test_a_plane_mirror_concentrates_nothing_however_it_is_turned(backend, tilt)
         element=[mirror],
         target=target | {"half_width": (10, 10), "pixels": (8, 8)},
     )
-    system = OpticalSystem(problem)
-    assert greatest_concentration(system, system.base, backend).times == pytest.approx(1.0, rel=2e-2)
+    system = System(problem)
+    assert greatest_concentration(system, backend).times == pytest.approx(1.0, rel=2e-2)
 
 
 LENS = {
@@ -230,7 +230,7 @@ def folded(first, second, half=15, rear=MappingProxyType({})):
         for k, (at, tilt) in enumerate(places, 1)
     ]
     end = (0, second, z + 480 - first - second)
-    return OpticalSystem(
+    return System(
         Problem(
             source={"kind": "collimated", "half_width": (9.5, 9.5), "distance": 20},
             element=[LENS | {"rear": LENS["rear"] | rear}, *mirrors],
@@ -249,8 +249,8 @@ def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
     elements = [LENS, window | {"front": {"half_width": (10, 10)}, "rear": plane}]
     target = {"kind": "tophat", "position": (0, 0, 486), "half_width": (10, 10), "pixels": (8, 8)}
     source = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 20}
-    system = OpticalSystem(Problem(source=source, element=elements, target=target))
-    found = greatest_concentration(system, system.base, backend)
+    system = System(Problem(source=source, element=elements, target=target))
+    found = greatest_concentration(system, backend)
     assert found.times == pytest.approx(alone.times, rel=1e-3)
     assert found.behind == pytest.approx(FOCUS + (0 if "L1" in place else 2 - at - 6), abs=20)
     assert f" mm {place} vertex" in concentration_sentence(system, found)
@@ -270,7 +270,7 @@ def test_a_window_passes_a_focus_on(concentrated, backend, at, place):
 def test_plane_mirrors_fold_a_focus_and_its_warning_with_it(concentrated, backend, ways, place):
     _, alone = concentrated(BURNING)
     system = folded(*ways)
-    found = greatest_concentration(system, system.base, backend)
+    found = greatest_concentration(system, backend)
     assert found.times == pytest.approx(alone.times, rel=1e-3)
     gone = {"L1": 0, "M1": ways[0], "M2": ways[0] + ways[1]}[place[7:9]]
     assert found.behind == pytest.approx(FOCUS - gone, abs=20)  # where the beam is narrower than the disk
@@ -282,7 +282,7 @@ def test_plane_mirrors_fold_a_focus_and_its_warning_with_it(concentrated, backen
 @pytest.mark.slow
 def test_the_sentence_says_from_where_to_where_several_elements_were_searched(backend):
     system = folded(100, 100)
-    found = greatest_concentration(system, system.base, backend)
+    found = greatest_concentration(system, backend)
     assert "searched up to 280 mm before M2.face, from L1.rear on)" in concentration_sentence(system, found)
 
 
@@ -291,7 +291,7 @@ def test_light_that_meets_close_to_a_turned_mirror_is_found(concentrated, backen
     """Rays of a sphere meet 2 mm from the mirror, which others leave 10 mm farther along the way."""
     _, alone = concentrated(BURNING | {"lens.rear.radius": -20.0, "lens.rear.conic": 0.0})
     system = folded(alone.behind - 2, 100, rear={"radius": -20.0, "conic": 0.0})
-    found = greatest_concentration(system, system.base, backend)
+    found = greatest_concentration(system, backend)
     assert found.times == pytest.approx(alone.times, rel=0.02)
     assert found.behind == pytest.approx(2, abs=0.5)
 

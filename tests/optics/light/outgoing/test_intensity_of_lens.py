@@ -24,14 +24,14 @@ PLATE = LAMP | {
 @pytest.mark.slow
 def test_a_plate_sends_lambertian_light_on_and_back_as_its_reflections_say(tmp_path):
     """With t = 1 - r at each face, t^2 / (1 - r^2) goes on, and t^2 r / (1 - r^2) leaves by the front."""
-    system = optics.System(small_problem(tmp_path, PLATE)).optical
-    found = outgoing_intensity(system, system.base, load_backend("double"), 1 << 17, 5.0)
+    system = optics.System(small_problem(tmp_path, PLATE))
+    found = outgoing_intensity(system, load_backend("double"), 1 << 17, 5.0)
     lamp = found.luminaire
     assert lamp.flux == pytest.approx(found.flux, rel=1e-12)
     assert found.steps == (10.0, 5.0)
     assert 0.005 < found.noise < 0.1
-    other = optics.System(system.problem.with_(**{"run.seed": 7})).optical
-    again = outgoing_intensity(other, system.base, load_backend("double"), 1 << 17, 5.0)
+    other = optics.System(system.problem.with_(**{"run.seed": 7}))
+    again = outgoing_intensity(other.with_lens(system.base), load_backend("double"), 1 << 17, 5.0)
     apart = lamp.node_solid_angles * (again.luminaire.candela - lamp.candela) ** 2
     whole = lamp.node_solid_angles * lamp.candela**2
     noise = np.hypot(found.noise, again.noise)  # each known to a quarter: few angles have most of it
@@ -54,12 +54,12 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
     system = optics.System(small_problem(tmp_path, changes))
     space = system.space()
     lens = system.lens(space, rough(space, 0.03, 0))
-    found = outgoing_intensity(system.optical, lens, load_backend("double"), 1 << 13, 10.0)
+    found = outgoing_intensity(system.with_lens(lens), load_backend("double"), 1 << 13, 10.0)
     fates = vars(
         trace_nonsequential(
             load_backend("double"),
             lens,
-            single_rays(system.optical.source.rays((64, 64)), lens),
+            single_rays(system.source.rays((64, 64)), lens),
             TargetArea(receiver_at(66.0), (20.0, 20.0)),
         ).fates
     )
@@ -74,8 +74,8 @@ def test_the_flux_is_that_of_all_light_that_left_the_lens(tmp_path, changes):
 def test_what_the_lens_absorbs_does_not_leave_it(tmp_path):
     """Of a beam that enters a plate, w = exp(-a t) comes to the other face; r is reflected at each."""
     flat = {"lens.rear.radius": np.inf, "lens.rear.conic": 0.0, "lens.absorption": 0.05}
-    system = optics.System(small_problem(tmp_path, flat)).optical
-    found = outgoing_intensity(system, system.base, load_backend("double"), 1 << 13, 10.0)
+    system = optics.System(small_problem(tmp_path, flat))
+    found = outgoing_intensity(system, load_backend("double"), 1 << 13, 10.0)
     r, w = 0.04, np.exp(-0.05 * 6.0)
     on, back = (1 - r) ** 2 * w / (1 - (r * w) ** 2), (1 - r) ** 2 * r * w**2 / (1 - (r * w) ** 2)
     # of the faint light, 3 % of all, roulette keeps every seventh ray, 1000 of them: 0.1 % of the flux
@@ -91,7 +91,7 @@ def test_a_wedge_throws_the_beam_where_snell_says(tmp_path):
         x, y = space.kv_u.greville(), space.kv_v.greville()
         net = np.add.outer(slope[0] * scaled(x), slope[1] * scaled(y))
         lens = system.lens(space, net.ravel())
-        light = outgoing_intensity(system.optical, lens, load_backend("double"), 1 << 10, 0.5).luminaire
+        light = outgoing_intensity(system.with_lens(lens), load_backend("double"), 1 << 10, 0.5).luminaire
         i, j = np.unravel_index(light.candela.argmax(), light.candela.shape)
         tilt = np.arctan(0.05)
         assert light.planes[i] == c
@@ -106,7 +106,7 @@ def scaled(row):
 @pytest.mark.parametrize(("outline", "is_round"), [("round", True), ("rectangle", False)])
 def test_the_opening_has_the_outline_of_the_lens(tmp_path, backend, outline, is_round):
     system = small_system(tmp_path, {"lens.outline": outline})
-    opening = outgoing_intensity(system, system.base, backend, 1 << 10, 45.0).luminaire.opening
+    opening = outgoing_intensity(system, backend, 1 << 10, 45.0).luminaire.opening
     assert (opening.size, opening.round) == ((20.0, 20.0), is_round)
 
 
@@ -120,10 +120,10 @@ def test_a_plate_absorbs_every_wavelength_by_itself(tmp_path):
         "source.half_width": [3.0, 2.0],
         **{key: value for key, value in PLATE.items() if key.startswith("lens.")},
     }
-    system = optics.System(small_problem(tmp_path, changes)).optical
+    system = optics.System(small_problem(tmp_path, changes))
     wanted = 0.0
     for index, absorption, share in lines.values():
         r, x = ((index - 1) / (index + 1)) ** 2, np.exp(-absorption * system.base.thickness)
         wanted += share * (1 - r) ** 2 * x / (1 - r * x)
-    found = outgoing_intensity(system, system.base, load_backend("double"), 1 << 14, 10.0)
+    found = outgoing_intensity(system, load_backend("double"), 1 << 14, 10.0)
     assert found.flux == pytest.approx(wanted * system.problem.flux, rel=5e-3)  # roulette: 1.2e-3

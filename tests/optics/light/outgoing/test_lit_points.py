@@ -5,24 +5,24 @@ import pytest
 
 from optics.light.outgoing import cut_cost, least_half_widths
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import flat_problem
 from thbcad.outlines import Outline, Polygon
 
 
-def flat(outline: str, **source: object) -> OpticalSystem:
+def flat(outline: str, **source: object) -> System:
     lamp = {"distance": 20, **source}
     return solvable_system(flat_problem(lamp, {"half_width": (4, 20)}, {"outline": outline}))
 
 
 def test_a_rectangle_may_be_as_small_as_its_beam():
     system = flat("rectangle", kind="collimated", half_width=(8, 7))
-    assert least_half_widths(system, system.base, system.backend) == {"front": (8, 7), "rear": (8, 7)}
+    assert least_half_widths(system, system.backend) == {"front": (8, 7), "rear": (8, 7)}
 
 
 def test_a_round_lens_before_a_point_may_be_as_small_as_its_cone():
     system = flat("round", kind="point", half_angle=15)
-    least = least_half_widths(system, system.base, system.backend)
+    least = least_half_widths(system, system.backend)
     front = 20 * np.tan(np.radians(15))
     rear = front + 6 * np.tan(np.arcsin(np.sin(np.radians(15)) / 1.5))
     assert least["front"] == pytest.approx((front, front), rel=1e-12)  # corners of cells lie on the cone
@@ -39,7 +39,7 @@ def test_a_round_lens_before_a_point_may_be_as_small_as_its_cone():
 def test_a_cut_costs_the_area_of_the_beam_beside_it(cut, area, narrow):
     """The target is 8 mm wide: what lands there has |x| <= 4 mm in the lens too."""
     system = flat("rectangle", kind="collimated", half_width=(8, 7))
-    cost = cut_cost(system, system.base, system.backend, cut)
+    cost = cut_cost(system, system.backend, cut)
     cells = 10 * 512**-1.5  # rays at the border are right or wrong by chance
     assert cost.through == pytest.approx(1 - area / (4 * 8 * 7), abs=cells)
     assert cost.on_target == pytest.approx(1 - narrow / (4 * 4 * 7), abs=4 * cells)
@@ -57,6 +57,6 @@ def test_a_face_met_from_behind_has_points_in_the_elements_own_frame():
         path=[{"faces": ["L1.front", "L1.rear:reflect", "L1.front"]}],
         target=screen,
     )
-    system = OpticalSystem(problem)
+    system = System(problem)
     half = Polygon(((-20.0, 0.0), (20.0, 0.0), (20.0, 20.0), (-20.0, 20.0)))
-    assert cut_cost(system, system.base, system.backend, half).through == pytest.approx(0.5, abs=5e-3)
+    assert cut_cost(system, system.backend, half).through == pytest.approx(0.5, abs=5e-3)

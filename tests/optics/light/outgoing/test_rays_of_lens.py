@@ -7,7 +7,7 @@ import optics
 from optics.base.runtime import UserError, load_backend
 from optics.light.outgoing import outgoing_rays
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, pose_of
+from optics.scene.system import System, pose_of
 from tests.cases import ROOT
 from tests.optics.cases import rough, small_problem, small_system
 
@@ -25,10 +25,12 @@ def test_rays_from_the_rear_go_straight_to_those_at_the_target(tmp_path, changes
     space = system.space()
     lens = system.lens(space, rough(space, 0.03, 0))
     backend = load_backend("double")
-    rear, target = (outgoing_rays(system.optical, lens, backend, 4096, place) for place in ("rear", "target"))
+    rear, target = (
+        outgoing_rays(system.with_lens(lens), backend, 4096, place) for place in ("rear", "target")
+    )
     way = ((target.position.astype(float) - rear.position) * rear.direction).sum(axis=1)
     landed = rear.position + way[:, None] * rear.direction
-    own = system.optical.target.receiver.pose.inverse().points(target.position.T.astype(float))
+    own = system.target.receiver.pose.inverse().points(target.position.T.astype(float))
     radius = changes.get("target.radius", np.inf)
     np.testing.assert_allclose((own**2).sum(axis=0) / (2 * radius), own[2], atol=2e-5)
     np.testing.assert_allclose(landed, target.position, atol=2e-4)  # single precision
@@ -48,8 +50,8 @@ def test_light_that_a_screen_before_its_mirror_takes_is_in_no_file(backend):
     screen = {"kind": "tophat", "position": (0, 0, 20.0), "tilt": (180.0, 0, 0), "half_width": (5, 5)}
     beam = {"kind": "collimated", "half_width": (9.5, 9.5), "distance": 50.0}
     problem = Problem(source=beam, element=(mirror,), target=screen | {"pixels": (16, 16)})
-    system = OpticalSystem(problem)
-    rays = outgoing_rays(system, system.base, backend, 40_000, "rear")
+    system = System(problem)
+    rays = outgoing_rays(system, backend, 40_000, "rear")
     shadow = (5 / 9.5) ** 2
     assert rays.total == pytest.approx(0.9 * (1 - shadow), rel=0.01)
 
@@ -57,10 +59,9 @@ def test_light_that_a_screen_before_its_mirror_takes_is_in_no_file(backend):
 def test_rays_of_a_row_start_on_its_last_face(tmp_path):
     """The plane mirror z = 0 of its own frame; from there they go straight to those at the target."""
     problem = load_problem(ROOT / "examples" / "folded.toml", {"element.L1.rear.radius": 300.0})
-    system = OpticalSystem(problem)
+    system = System(problem)
     mirror, target = (
-        outgoing_rays(system, system.base, load_backend("double"), 1024, place)
-        for place in ("rear", "target")
+        outgoing_rays(system, load_backend("double"), 1024, place) for place in ("rear", "target")
     )
     own = pose_of(problem.optics[1]).inverse().points(mirror.position.T.astype(float))
     np.testing.assert_allclose(own[2], 0, atol=2e-5)  # single precision
@@ -73,14 +74,14 @@ def test_no_rays_start_in_the_far_field(tmp_path):
     far = {"target.distance": np.inf, "target.half_width": [20.0, 20.0]}
     system = optics.System(small_problem(tmp_path, far))
     with pytest.raises(UserError, match="take --light rear"):
-        outgoing_rays(system.optical, system.optical.base, load_backend("double"), 100, "target")
+        outgoing_rays(system, load_backend("double"), 100, "target")
 
 
 def test_rays_of_a_spectrum_have_all_its_wavelengths(tmp_path, backend):
     """Each with its share of the flux, bent by its own index."""
     colours = {"lens.material": "PC", "lens.index": "auto", "source.spectrum": [[450, 1], [650, 3]]}
     system = small_system(tmp_path, colours)
-    rays = outgoing_rays(system, system.base, backend, 4096, "target")
+    rays = outgoing_rays(system, backend, 4096, "target")
     blue, red = (rays.wavelength < 500), (rays.wavelength > 600)
     lines = {round(w.nm): w.weight for w in system.wavelengths}
     assert {round(float(nm)) for nm in np.unique(rays.wavelength)} == set(lines)

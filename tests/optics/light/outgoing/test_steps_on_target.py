@@ -40,7 +40,7 @@ def even_light(system):
 def test_an_even_intensity_stays_within_the_border(tmp_path, changes):
     """Beside the target there is no light: only pixels within two steps of its border change."""
     system = small_system(tmp_path, changes)
-    beside = StepsOnTarget(system, system.base, even_light(system))
+    beside = StepsOnTarget(system, even_light(system))
     planes, gammas = np.linspace(0, 360, 37), np.linspace(0, 180, 19)
     everywhere = beside.by_file(Luminaire(planes, gammas, np.ones((37, 19))))
     assert everywhere.rel_l2 < 2e-3  # the mean of a pixel is not its middle
@@ -55,7 +55,7 @@ def test_finer_steps_change_light_less_and_u0_is_that_of_the_photometry(tmp_path
     way = directions(system)
     wave = 1 + 0.5 * np.cos(0.9 * np.degrees(np.arctan(way[0] / way[2])) + 1)  # a period of 7 degrees
     light = even_light(system) * wave
-    beside = StepsOnTarget(system, system.base, light)
+    beside = StepsOnTarget(system, light)
     assert beside.own.rel_l2 == 0
     even = uniformity_of_pixels(system, light, system.target.screen(), 0.0)
     assert beside.own.min_over_mean == even.min_over_mean
@@ -75,7 +75,7 @@ def test_the_steps_alone_do_what_a_file_of_many_rays_does(tmp_path):
     rays = [way + np.array([a * px, b * py, 0.0])[:, None, None] for a in parts for b in parts]
     grid = IntensityGrid(36, 36)
     flux = sum(grid.flux(ray.reshape(3, -1), light.ravel()) for ray in rays)
-    beside = StepsOnTarget(system, system.base, light)
+    beside = StepsOnTarget(system, light)
     by_rays = beside.by_file(grid.luminaire(flux, Opening()))
     alone = beside.by_steps(step)
     assert alone.rel_l2 == pytest.approx(by_rays.rel_l2, rel=0.05)

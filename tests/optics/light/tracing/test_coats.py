@@ -16,7 +16,7 @@ def coated(tmp_path):
 
 
 def test_a_coat_lets_its_share_through_where_light_is_not_reflected_totally(coated, backend):
-    rays, path = coated.source.rays((31, 29)), coated.path(coated.lens)
+    rays, path = coated.source.rays((31, 29)), coated.path
     tracer = Tracer(backend, path, rays)
     _, landing = tracer.trace()
     fates = tracer.fates(landing, (1e3, 1e3))
@@ -28,9 +28,9 @@ def test_a_coat_lets_its_share_through_where_light_is_not_reflected_totally(coat
 
 def test_all_reflections_of_a_coated_plate_are_a_geometric_series(coated, backend):
     """T = (1 - R) (1 - S) / (1 - R S) passes a plate whose coats reflect R and S from both sides."""
-    plate = coated.lens.with_rear(coated.lens.front)
+    plate = coated.base.with_rear(coated.base.front)
     rays = Rays(np.array([[0.5], [0.3], [-20.0]]), np.array([[0.0], [0.0], [1.0]]), np.ones(1))
-    area = TargetArea.of(coated.path(coated.lens), (1e3, 1e3))
+    area = TargetArea.of(coated.path, (1e3, 1e3))
     found = trace_nonsequential(backend, plate, rays, area, bounces=40, threshold=0.0)
     assert found.fates.onto == pytest.approx(0.996 * 0.75 / (1 - 0.004 * 0.25), rel=1e-12)
 

@@ -10,7 +10,7 @@ from optics.light.tracing import Tracer
 from optics.scene.paths import AIR
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import flat_problem, roughened
 from thbcad import Pose, write_step
 from thbcad.cad.exchange import face_hits, read_step
@@ -31,7 +31,7 @@ def element(name, position, tilt, half, *, free=False, radius=np.inf, conic=0.0,
 def scene(elements, position, tilt, half=(20, 20), beam=(20, 20), distance=150):
     source = {"kind": "collimated", "half_width": beam, "distance": distance}
     target = {"kind": "tophat", "position": position, "tilt": tilt, "half_width": half, "pixels": (16, 16)}
-    return OpticalSystem(Problem(source=source, element=elements, target=target))
+    return System(Problem(source=source, element=elements, target=target))
 
 
 SCENES = {
@@ -82,7 +82,7 @@ def beam(system, count):
 def solids(system, lens, folder):
     """Return (pose, solid) of every element, of the STEP file of each, and of the screen."""
     placed = []
-    for k, (optic, blank) in enumerate(system.elements(lens)):
+    for k, (optic, blank) in enumerate(system.with_lens(lens).elements):
         write_step(blank, folder / f"{k}.step")
         placed.append((Pose.tilted(optic.position, optic.tilt), read_step(folder / f"{k}.step").shape))
     target = system.problem.target
@@ -116,13 +116,13 @@ def met_before(solid, starts, ends):
 def test_rays_are_taken_where_their_ways_meet_a_solid_of_a_file(name, backend, tmp_path):
     system = SCENES[name]()
     lens = roughened(system.base, 0.05)
-    rays, bare = beam(system, COUNT), system.path(lens)
+    rays, bare = beam(system, COUNT), system.with_lens(lens).path
     free = Tracer(backend, bare, rays)
     points = [rays.origin]
     for k, surface in enumerate(bare.surfaces):
         hits, _, _ = free.at(k)
         points.append(surface.pose.points(np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])))
-    landing, shaded = free.landed(), Tracer(backend, system.shaded_path(lens), rays).landed()
+    landing, shaded = free.landed(), Tracer(backend, system.with_lens(lens).shaded_path, rays).landed()
     points.append(ends_of_light(bare.receiver, landing, points[-1]))
     alive, total = np.ones(COUNT, dtype=bool), 0
     passages = [*((p.hit, q.blocked) for p, q in zip(landing.passages, shaded.passages))]
@@ -144,7 +144,7 @@ def test_light_that_hits_a_face_twice_is_counted_apart(name, backend, tmp_path):
     """A ray that leaves the face of a STEP file and first meets that very face, before its end."""
     system = SCENES[name]()
     lens, rays, back = roughened(system.base, 0.05), beam(system, COUNT), system.pose.inverse()
-    tracer = Tracer(backend, system.shaded_path(lens), rays)
+    tracer = Tracer(backend, system.with_lens(lens).shaded_path, rays)
     with backend.dr.suspend_grad():
         (hits,), landing = tracer.trace()
     start = np.array([a.numpy() for a in (hits.x, hits.y, hits.z)])
@@ -171,7 +171,7 @@ def test_a_screen_in_the_beam_takes_the_shadow_of_its_plate(backend):
     """Its corners in the plan tell the strip of the beam; all other light arrives."""
     system = SCENES["screen in the beam"]()
     cells = system.source.cells((48, 48))
-    _, fates = cell_irradiance(system.shaded_path(system.base), system.target.screen(), cells, backend)
+    _, fates = cell_irradiance(system.shaded_path, system.target.screen(), cells, backend)
     pose = system.target.receiver.pose
     least = min(float(pose.points(np.array([0.0, y, z]))[1]) for y in (-20, 20) for z in (0, 0.02))
     assert fates.by_name["M1.face blocked"] == pytest.approx((20 - least) / 40, abs=1e-9)
@@ -183,9 +183,9 @@ def test_a_screen_before_a_plane_front_takes_its_own_area_of_a_beam(backend):
     lens = element("L1", (0, 0, 0), (0, 0, 0), (25, 25), free=True, kind="lens")
     system = scene([lens], (0, 0, -100), (180, 0, 0), half=(5, 4))
     faces = ["L1.front", "L1.rear:reflect", "L1.front"]
-    system = OpticalSystem(system.problem.with_(path=[{"faces": faces}]))
+    system = System(system.problem.with_(path=[{"faces": faces}]))
     _, fates = cell_irradiance(
-        system.shaded_path(system.base), system.target.screen(), system.source.cells((40, 40)), backend
+        system.shaded_path, system.target.screen(), system.source.cells((40, 40)), backend
     )
     assert fates.by_name["L1.front blocked"] == pytest.approx(4 * 5 * 4 / 40**2, abs=1e-9)
 
@@ -196,7 +196,7 @@ def test_a_body_behind_the_source_takes_nothing(backend):
     taken = []
     for distance in (30, 150):
         system = scene([mirror], (0, 0, -100), (180, 0, 0), half=(5, 4), distance=distance)
-        tracer = Tracer(backend, system.shaded_path(system.base), system.source.rays((40, 40)))
+        tracer = Tracer(backend, system.shaded_path, system.source.rays((40, 40)))
         _, landing = tracer.trace()
         taken.append(tracer.fates(landing, (5, 4)).by_name.get("M1.face blocked", 0.0))
     assert taken == [0.0, pytest.approx(4 * 5 * 4 / 40**2, abs=2 * (5 + 4) / 40 / 40)]  # half a row of rays
@@ -207,7 +207,7 @@ def test_all_of_a_wide_beam_lights_a_mirror_beside_the_axis(backend):
     mirror = element("M1", (6, 0, 0), (5, 0, 0), (10, 10), free=True)
     system = scene([mirror], (0, 17.6, -100), (180, 0, 0), beam=(14, 14), distance=40)
     cells = system.source.cells((24, 24))
-    _, fates = cell_irradiance(system.shaded_path(system.base), system.target.screen(), cells, backend)
+    _, fates = cell_irradiance(system.shaded_path, system.target.screen(), cells, backend)
     lit = 18 * 20 * np.cos(np.radians(5)) / 28**2
     # chords of the finest cells leave a part of theirs of the rim
     assert fates.by_name["M1.face missed"] == pytest.approx(1 - lit, abs=2 * 40 / 2000 / 28)
@@ -222,13 +222,13 @@ def test_bodies_that_no_light_meets_change_no_bit(backend):
     lens = roughened(system.base, 0.05)
     bare, shaded = (
         cell_irradiance(path, screen, cells, backend)
-        for path in (system.path(lens), system.shaded_path(lens))
+        for path in (system.with_lens(lens).path, system.with_lens(lens).shaded_path)
     )
-    assert system.shaded_path(lens).bodies
+    assert system.with_lens(lens).shaded_path.bodies
     assert bare[1].by_name == shaded[1].by_name
     np.testing.assert_array_equal(bare[0], shaded[0])
 
 
 def test_a_lens_on_the_axis_has_no_body_in_its_way():
-    system = OpticalSystem(flat_problem({"kind": "point", "half_angle": 20, "distance": 20}))
-    assert not system.shaded_path(system.base).bodies
+    system = System(flat_problem({"kind": "point", "half_angle": 20, "distance": 20}))
+    assert not system.shaded_path.bodies

@@ -8,7 +8,7 @@ from optics.light.analysis import cell_irradiance
 from optics.light.tracing import TargetArea, Tracer, trace_nonsequential, transmittances
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays, single_rays
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import flat_problem
 
 BORDER_CELLS = 2000  # of the finest cells across the source
@@ -25,14 +25,14 @@ def problem(**changes: object) -> Problem:
     return flat_problem(beam, {"pixels": (32, 32)}).with_(**changes)
 
 
-def system(*stops: dict[str, object], **changes: object) -> OpticalSystem:
+def system(*stops: dict[str, object], **changes: object) -> System:
     return solvable_system(problem(stop=stops, **changes))
 
 
-def light(scene: OpticalSystem):
+def light(scene: System):
     """Return (irradiance, fates) by cells."""
     cells = scene.source.cells((48, 48))
-    image, fates = cell_irradiance(scene.path(scene.lens), scene.target.screen(), cells, scene.backend)
+    image, fates = cell_irradiance(scene.path, scene.target.screen(), cells, scene.backend)
     assert fates.total == pytest.approx(1, abs=1e-12)
     return image, fates
 
@@ -94,10 +94,10 @@ def test_a_clear_aperture_leaves_its_area():
 
 def test_rays_with_known_meeting_points_are_blocked_like_all_others():
     scene = system(*BOTH_SIDES, **{"lens.clear_aperture": (7, 3)})
-    lens, rays = scene.lens, scene.source.rays((61, 53))
+    lens, rays = scene.base, scene.source.rays((61, 53))
     seen = []
     for some in (rays, single_rays(rays, lens)):
-        tracer = Tracer(scene.backend, scene.path(lens), some)
+        tracer = Tracer(scene.backend, scene.with_lens(lens).path, some)
         _, landing = tracer.trace()
         seen.append((tracer.fates(landing, (12, 12)), tracer.counts(landing, (12, 12))))
     (fates, counts), (others, other_counts) = seen
@@ -106,11 +106,11 @@ def test_rays_with_known_meeting_points_are_blocked_like_all_others():
     assert fates.by_name == pytest.approx(others.by_name, abs=1e-13)
 
 
-def all_ways(scene: OpticalSystem):
+def all_ways(scene: System):
     """Return the result of a trace with all reflections."""
-    rays, area = single_rays(scene.source.rays((31, 29)), scene.lens), (12.0, 12.0)
-    target = TargetArea.of(scene.path(scene.lens), area)
-    result = trace_nonsequential(scene.backend, scene.lens, rays, target, threshold=1e-14)
+    rays, area = single_rays(scene.source.rays((31, 29)), scene.base), (12.0, 12.0)
+    target = TargetArea.of(scene.path, area)
+    result = trace_nonsequential(scene.backend, scene.base, rays, target, threshold=1e-14)
     np.testing.assert_allclose(result.by_ray.sum(axis=0), rays.flux, rtol=1e-12)
     return result
 
@@ -118,7 +118,7 @@ def all_ways(scene: OpticalSystem):
 def test_light_by_front_and_rear_alone_is_blocked_alike_in_both_traces():
     scene = system(*BOTH_SIDES, **{"lens.clear_aperture": (7, 3)})
     result = all_ways(scene)
-    tracer = Tracer(scene.backend, scene.path(scene.lens), scene.source.rays((31, 29)))
+    tracer = Tracer(scene.backend, scene.path, scene.source.rays((31, 29)))
     _, landing = tracer.trace()
     direct = result.landings.flux[result.direct].sum()
     assert direct == pytest.approx(tracer.fates(landing, (12, 12)).on_target, abs=1e-13)
@@ -136,11 +136,11 @@ def test_behind_a_plate_all_that_goes_through_is_blocked_and_before_it_nothing_c
 
 def test_what_the_front_reflects_meets_the_plate_from_behind():
     scene = system({"shape": "ellipse", "half_width": (9, 9), "position": (0, 0, -3)})
-    target = TargetArea.of(scene.path(scene.lens), (12.0, 12.0))
+    target = TargetArea.of(scene.path, (12.0, 12.0))
     direction = np.array([0.5, 0.0, np.sqrt(0.75)])
     start = np.array([8.0, 0.0, -3.0]) - direction  # through the hole at 8 mm, and back at 11.5 mm
     ray = Rays(start[:, None], direction[:, None], np.ones(1))
-    fates = trace_nonsequential(scene.backend, scene.lens, ray, target).fates
+    fates = trace_nonsequential(scene.backend, scene.base, ray, target).fates
     reflected = 1 - np.mean(transmittances(1.0, 1.5, np.pi / 6))
     assert fates.reflected_outside == 0
     assert fates.blocked >= reflected - 1e-12
@@ -148,7 +148,7 @@ def test_what_the_front_reflects_meets_the_plate_from_behind():
 
 def test_nothing_is_said_of_blocked_light_where_nothing_blocks():
     scene = system()
-    tracer = Tracer(scene.backend, scene.path(scene.lens), scene.source.rays((8, 8)))
+    tracer = Tracer(scene.backend, scene.path, scene.source.rays((8, 8)))
     _, landing = tracer.trace()
     assert "blocked" not in tracer.fates(landing, (12, 12)).by_name
     assert "blocked" not in tracer.counts(landing, (12, 12))

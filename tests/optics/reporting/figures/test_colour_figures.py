@@ -18,7 +18,7 @@ SPECTRAL = {"lens.material": "PC", "source.spectrum": "LED-B3", "target.pixels":
 
 def measured(folder, backend, changes):
     system = small_system(folder, changes, drop=("lens.index",))
-    return system, measure(system, system.base, backend)
+    return system, measure(system, backend)
 
 
 def colours(png):

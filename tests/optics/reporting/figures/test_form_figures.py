@@ -90,9 +90,13 @@ def test_the_error_is_drawn_in_two_colours(built: SimpleNamespace) -> None:
 def test_every_surface_that_is_cut_has_one_picture_with_a_panel_for_each_question(tmp_path, backend):
     system = small_system(tmp_path)
     order = ToolOrder(nose=1.0, feed=0.01)
-    ((name, caption, png),) = figures_of_tool(tool_findings(system, bowl_lens(), order, backend, rays=17))
+    ((name, caption, png),) = figures_of_tool(
+        tool_findings(system.with_lens(bowl_lens()), order, backend, rays=17)
+    )
     assert name == "tool_rear.png"
     assert "acceleration" in caption
     assert png.startswith(b"\x89PNG")
-    ((_, fewer, _),) = figures_of_tool(tool_findings(system, bowl_lens(), ToolOrder(ball=50.0), backend, 17))
+    ((_, fewer, _),) = figures_of_tool(
+        tool_findings(system.with_lens(bowl_lens()), ToolOrder(ball=50.0), backend, 17)
+    )
     assert "acceleration" not in fewer

@@ -178,8 +178,8 @@ def test_a_picture_for_viewers_at_the_lens_is_drawn_as_they_see_it(tmp_path, bac
     captions = []
     for side in ("behind", "lens"):
         system = small_system(tmp_path, {"target.seen_from": side, "target.pixels": [8, 8]})
-        found = measure(system, system.base, backend)
-        figures = light_figures(system, system.base, found, {})
+        found = measure(system, backend)
+        figures = light_figures(system, found, {})
         captions.append([figures[name][0] for name in ("target", "irradiance")])
     assert not any("x goes to the left" in caption for caption in captions[0])
     assert all("x goes to the left" in caption for caption in captions[1])

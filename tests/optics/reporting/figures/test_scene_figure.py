@@ -7,7 +7,7 @@ from matplotlib import pyplot as plt
 from optics.reporting.figures.scene_figure import _by_visit, scene_view
 from optics.reporting.view import drawn_elements, placed, scene_paths
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import target_z
 from tests.optics.reporting.cases import pixels
 
@@ -36,19 +36,19 @@ def red(png):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOURCES)
 def test_every_kind_of_source_has_its_picture(backend, made, name):
-    system, lens = made(SOURCES[name])
+    system = made(SOURCES[name])
     light = np.eye(48)
-    paths = scene_paths(system, lens, backend)
-    png = scene_view(system, lens, light, paths)
+    paths = scene_paths(system, backend)
+    png = scene_view(system, light, paths)
     assert png.startswith(b"\x89PNG")
-    assert scene_view(system, lens, light, paths) == png
+    assert scene_view(system, light, paths) == png
     assert plt.get_fignums() == []
 
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, name):
-    system, lens = made(SOURCES[name])
-    paths = [path for path in scene_paths(system, lens, backend) if "target" in path.fate]
+    system = made(SOURCES[name])
+    paths = [path for path in scene_paths(system, backend) if "target" in path.fate]
     starts, ends = (np.array([path.points[k] for path in paths]) for k in (0, -1))
     assert len(starts) > 30
     assert (np.abs(starts[:, :2]) <= system.problem.source.half_width).all()
@@ -56,8 +56,8 @@ def test_rays_start_on_the_source_and_end_in_the_target_plane(backend, made, nam
 
 
 def test_rays_go_straight_through_a_plate(backend, made):
-    system, lens = made({"lens.rear.radius": float("inf")})
-    for path in scene_paths(system, lens, backend):
+    system = made({"lens.rear.radius": float("inf")})
+    for path in scene_paths(system, backend):
         assert path.fate == "on_target"
         assert path.points[:, :2] == pytest.approx(np.tile(path.points[0, :2], (4, 1)), abs=1e-12)
 
@@ -75,13 +75,13 @@ def test_rays_go_straight_through_a_plate(backend, made):
 )
 def test_light_is_drawn_where_it_is(backend, made, changes):
     """A bright corner at +x, +y appears at the upper right of the target, and nowhere else."""
-    system, lens = made(changes)
-    paths = scene_paths(system, lens, backend)
+    system = made(changes)
+    paths = scene_paths(system, backend)
     dark = np.full((48, 48), 0.5)
     dark[24:, :24] = 1.0  # the scale is the same with and without the corner
     corner = dark.copy()
     corner[:12, 36:] = 1.0
-    before, after = (pixels(scene_view(system, lens, light, paths)).mean(axis=2) for light in (dark, corner))
+    before, after = (pixels(scene_view(system, light, paths)).mean(axis=2) for light in (dark, corner))
     rows, columns = np.nonzero(after - before > 50)
     middle = np.argwhere(np.abs(before - 127) < 3).mean(
         axis=0
@@ -110,15 +110,15 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
     element, place = PLACES[name]
     target = {"kind": "tophat", "half_width": (20, 20), "pixels": (32, 32), **place}
     source = {"kind": "collimated", "half_width": (9, 9)}
-    system = OpticalSystem(Problem(source=source, element=[element], target=target))
-    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
+    system = System(Problem(source=source, element=[element], target=target))
+    scene = placed(system, drawn_elements(system, 21))
     middle, quarter = scene(np.array([system.target.receiver.points(u, u) for u in (0.0, 10.0)]).T).T
     light = np.full((32, 32), 0.5)
     light[16:, :16] = 1.0  # the scale is the same with and without what is looked for
     lit = light.copy()
     lit[:16, 16:] = 1.0
     dark, one, other = (
-        pixels(scene_view(system, system.base, shown, ())).mean(axis=2) for shown in (0 * light, light, lit)
+        pixels(scene_view(system, shown, ())).mean(axis=2) for shown in (0 * light, light, lit)
     )
     whole, found = (np.argwhere(abs(a - b) > 50).mean(axis=0) for a, b in ((one, dark), (other, one)))
     (down, across), wanted = found - whole, quarter - middle
@@ -130,7 +130,7 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
     counts = [
-        red(scene_view(system, lens, np.ones((48, 48)), scene_paths(system, lens, backend)))
+        red(scene_view(system, np.ones((48, 48)), scene_paths(system, backend)))
         for system, lens in (hit, miss)
     ]
     assert counts[0] == 0
@@ -138,12 +138,12 @@ def test_rays_that_miss_are_red(backend, made):
 
 
 def test_the_far_field_shows_rays_and_no_target(backend, made):
-    system, lens = made(FAR)
-    paths = scene_paths(system, lens, backend)
-    first, second = (scene_view(system, lens, np.full((48, 48), light), paths) for light in (0.0, 1.0))
+    system = made(FAR)
+    paths = scene_paths(system, backend)
+    first, second = (scene_view(system, np.full((48, 48), light), paths) for light in (0.0, 1.0))
     assert first == second
     assert red(first) == 0
-    assert all(path.points[-1, 2] == lens.thickness + 4 * 10.0 for path in paths)
+    assert all(path.points[-1, 2] == system.designed.thickness + 4 * 10.0 for path in paths)
 
 
 def test_a_path_is_cut_in_the_middle_between_elements():

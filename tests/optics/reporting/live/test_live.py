@@ -114,7 +114,7 @@ def test_in_the_far_field_the_page_speaks_of_intensities_as_the_verdict_does(tmp
     light = merged(target, stage.parts)
     asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: light)
     monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
-    said = " ".join(page._light(stage, system, system.base, target, None)["so_far"])
+    said = " ".join(page._light(stage, system, target, None)["so_far"])
     assert "rel_l2 0 so far" in said
     assert "U0 = I_min/I_mean 1 so far" in said
 
@@ -127,7 +127,7 @@ def test_where_pixels_have_parts_the_page_reads_whole_pixels_as_the_verdict_does
     target, light = system.target.irradiance(stage.screen, 1.0), picture(24, 24)
     asked = SimpleNamespace(target=stage.screen.pad(target), image=lambda coefficients: light)
     monkeypatch.setattr(page, "stage_objective", lambda *_: asked)
-    said = " ".join(page._light(stage, system, system.base, target, None)["so_far"])
+    said = " ".join(page._light(stage, system, target, None)["so_far"])
     wanted = target.reshape(24, 3, 24, 3).mean(axis=(1, 3))
     off = np.linalg.norm(light - wanted) / np.linalg.norm(wanted)
     assert f"rel_l2 {off:.3g} so far" in said

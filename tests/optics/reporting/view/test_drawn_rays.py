@@ -10,7 +10,7 @@ from optics.scene.paths import AIR, Body, LightPath, Stop, Surface
 from optics.scene.problem import Problem
 from optics.scene.receivers import Plane
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import flat_problem, small_lens
 from thbcad.lens import FreeformSurface, Lens
 from thbcad.outlines import Outline
@@ -90,8 +90,8 @@ def test_a_lens_moved_with_its_target_moves_its_rays(backend, kind):
     for shift in (0.0, 30.0):
         element = {"kind": "lens", "name": "L1", "position": (0, 0, shift), **lens}
         target = {"kind": "tophat", "position": (0, 0, 66 + shift), "half_width": (30, 30), "pixels": (8, 8)}
-        system = OpticalSystem(Problem(source=source, element=[element], target=target))
-        made[shift] = np.array([ray.points for ray in scene_paths(system, system.base, backend)])
+        system = System(Problem(source=source, element=[element], target=target))
+        made[shift] = np.array([ray.points for ray in scene_paths(system, backend)])
     moved = made[30.0][:, 1:] - made[0.0][:, 1:]
     assert np.abs(moved[..., 2] - 30).max() < (0.1 if kind == "point" else 1e-9)
     assert np.abs(moved[..., :2]).max() < (0.1 if kind == "point" else 1e-9)
@@ -107,7 +107,7 @@ def test_rims_lie_in_the_plane_of_their_stop_and_run_round_it_in_turn():
     }
     stops = [{**ring, "hole": hole} for hole in (False, True)]
     system = solvable_system(flat_problem({"kind": "collimated", "half_width": (8, 8)}, stop=stops))
-    obstacle, slit = stop_rims(system, system.base)
+    obstacle, slit = stop_rims(system)
     assert [len(obstacle), len(slit)] == [2, 3]
     back = system.stops[0].pose.inverse()
     areas = []

@@ -13,7 +13,7 @@ from optics.reporting.view.photo_light import interpolated
 from optics.reporting.view.photo_room import PIXELS, WHOLE, PhotoRoom, photo_room
 from optics.scene.problem import Problem
 from optics.scene.sources import Rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from oracles.light_formulas import fresnel_parts
 from thbcad.lens import FreeformSurface, Lens
 
@@ -31,20 +31,20 @@ def seen(room, point):
 @pytest.mark.slow
 def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_bytes(made, backend):
     """One bright pixel out of 8 x 8, to the right and above: nothing else in the room is as bright there."""
-    system, lens = made({})
+    system = made({})
     irradiance = np.zeros((8, 8))
     irradiance[1, 6] = 1.0
-    sight = elements_sight(system, lens, backend)
-    png = photograph(system, lens, irradiance, sight)
+    sight = elements_sight(system, backend)
+    png = photograph(system, irradiance, sight)
     grey = np.asarray(Image.open(io.BytesIO(png)).convert("L"), dtype=float)
-    room = photo_room(system, lens)
+    room = photo_room(system)
     hx, hy = room.half_width
     column, row = seen(room, room.screen.points(0.625 * hx, 0.625 * hy))
     assert grey[int(row), int(column)] > 240
     column, row = seen(room, room.screen.points(-0.625 * hx, 0.625 * hy))
     assert grey[int(row), int(column)] < 60
     assert grey.shape == PIXELS[::-1]
-    again = photograph(system, lens, irradiance, elements_sight(system, lens, backend))
+    again = photograph(system, irradiance, elements_sight(system, backend))
     assert again == png
 
 
@@ -53,7 +53,7 @@ def test_light_is_seen_where_it_was_measured_and_the_same_light_gives_the_same_b
 def test_the_screen_leaves_the_lens_free_and_both_are_in_the_picture(made, distance, half_width):
     angle = np.isinf(distance)
     width = min(half_width, 60.0) if angle else half_width
-    room = photo_room(*made({"target.distance": distance, "target.half_width": [width, width]}))
+    room = photo_room(made({"target.distance": distance, "target.half_width": [width, width]}))
     hx, hy = room.half_width
     box = np.array(np.meshgrid(*room.elements["lens"])).reshape(3, 8).T
     lens_points = np.array([seen(room, point) for point in box])
@@ -66,12 +66,12 @@ def test_the_screen_leaves_the_lens_free_and_both_are_in_the_picture(made, dista
 
 
 def test_the_caption_says_what_is_not_drawn_as_it_is(made):
-    assert photo_caption(*made({})).endswith("The room is invented.")
-    assert "is mirrored here" in photo_caption(*made({"target.seen_from": "lens"}))
-    assert "100 times smaller" in photo_caption(*made({"target.half_width": [2400.0, 2400.0]}))
-    assert "the distance to the screen is drawn 0." not in photo_caption(*made({"target.distance": 2.0}))
+    assert photo_caption(made({})).endswith("The room is invented.")
+    assert "is mirrored here" in photo_caption(made({"target.seen_from": "lens"}))
+    assert "100 times smaller" in photo_caption(made({"target.half_width": [2400.0, 2400.0]}))
+    assert "the distance to the screen is drawn 0." not in photo_caption(made({"target.distance": 2.0}))
     far = {"target.distance": np.inf, "target.half_width": [10.0, 10.0]}
-    assert "the intensity in every direction" in photo_caption(*made(far))
+    assert "the intensity in every direction" in photo_caption(made(far))
 
 
 def test_a_plate_shows_the_room_displaced_as_snell_and_as_bright_as_fresnel_say(backend):
@@ -98,26 +98,26 @@ GLASS |= {"rear": {"half_width": (20, 20), "freeform": {"spans": (4, 4), "z_free
 def glass_and_mirror():
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
     target = {"kind": "tophat", "half_width": (20, 20), "position": (0, 40, 40), "tilt": (-90, 0, 0)}
-    return OpticalSystem(Problem(source=source, element=(GLASS, MIRROR), target=target))
+    return System(Problem(source=source, element=(GLASS, MIRROR), target=target))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", [False, True])
 def test_nothing_is_seen_beside_where_the_camera_looks(made, backend, monkeypatch, row):
     elements = glass_and_mirror()
-    system, lens = (elements, elements.lens) if row else made({})
-    light, sight = np.ones((8, 8)), elements_sight(system, lens, backend)
+    system = elements if row else made({})
+    light, sight = np.ones((8, 8)), elements_sight(system, backend)
     monkeypatch.setattr(PhotoRoom, "showing", lambda room, points: tuple(map(np.arange, WHOLE)))
-    whole = elements_sight(system, lens, backend)
+    whole = elements_sight(system, backend)
     assert sight.pixel.size == whole.pixel.size > 1e4
-    assert photograph(system, lens, light, sight) == photograph(system, lens, light, whole)
+    assert photograph(system, light, sight) == photograph(system, light, whole)
 
 
 @pytest.mark.slow
 def test_a_mirror_shows_the_room_reflected_and_a_plate_through_itself(backend):
     """The plane mirror's normal is n = (0, 1, -1) / sqrt 2; the plate, whose sag is zero, turns no ray."""
     system = glass_and_mirror()
-    sight = elements_sight(system, system.base, backend)
+    sight = elements_sight(system, backend)
     normal, (start, ray) = np.array([0.0, 1.0, -1.0]) / np.sqrt(2), sight.before.astype(float)
     met = start + ((np.array([0, 0, 40.0]) - start.T) @ normal / (normal @ ray)) * ray
     mirrored = ray - 2 * normal[:, None] * (normal @ ray)

@@ -8,7 +8,7 @@ import pytest
 
 from optics.reporting.view import drawn_elements, placed, scene_page
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.reporting.cases import held
 from thbcad.poses import Pose
 
@@ -47,7 +47,7 @@ SCENES = {
 def system(request):
     source, element, target = SCENES[request.param]
     target = {"kind": "tophat", "half_width": (100, 100), "pixels": (8, 8)} | target
-    return OpticalSystem(Problem(source=source, element=[element], target=target))
+    return System(Problem(source=source, element=[element], target=target))
 
 
 def separated(one, other):
@@ -58,7 +58,7 @@ def separated(one, other):
 
 
 def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(system):
-    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
+    scene = placed(system, drawn_elements(system, 21))
     assert separated(scene(scene.outlook), scene(scene.body))
     assert separated(scene(scene.outlook), scene(scene.source))
     (hx, hy), receiver = system.target.settings.half_width, system.target.receiver
@@ -69,7 +69,7 @@ def test_parts_stand_apart_and_the_picture_is_open_and_not_seen_as_in_a_mirror(s
 
 
 def test_the_throw_alone_is_drawn_shorter(system):
-    scene = placed(system, system.base, drawn_elements(system, system.base, 21))
+    scene = placed(system, drawn_elements(system, 21))
     for part in (scene.body, scene.source, scene.outlook):
         shift = scene(part) - scene.turn[:2] @ part
         np.testing.assert_allclose(shift, shift[:, :1] + 0 * shift, rtol=0, atol=1e-9)
@@ -78,7 +78,7 @@ def test_the_throw_alone_is_drawn_shorter(system):
 
 
 def test_the_page_holds_the_element_at_its_pose_and_the_screen_where_it_is(system):
-    data = held(scene_page(system, system.base, np.ones((8, 8)), []))
+    data = held(scene_page(system, np.ones((8, 8)), []))
     points, receiver = np.array(data["target"]["points"]).T, system.target.receiver
     along = np.broadcast_to(receiver.pose.rotation[:, 2:], points.shape)
     landed = receiver.land(points - along, along)
@@ -106,17 +106,17 @@ def row():
     fixed = lens((1, 2, -150), (0, 10, 0)) | {"front": size, "rear": size | {"freeform": None}}
     target = {"kind": "tophat", "half_width": (100, 100), "pixels": (8, 8)} | target
     path = [{"faces": ("L1.front", "L1.rear", "M1")}]
-    return OpticalSystem(Problem(source=source, element=[element, fixed], path=path, target=target))
+    return System(Problem(source=source, element=[element, fixed], path=path, target=target))
 
 
 def test_all_elements_of_a_row_stand_in_the_scene_in_the_order_of_the_light(row):
-    elements = drawn_elements(row, row.lens, 21, 21)
-    scene = placed(row, row.lens, elements)
+    elements = drawn_elements(row, 21, 21)
+    scene = placed(row, elements)
     assert [element.name for element in elements] == ["L1", "M1"]
     seen = [scene(part) for part in (scene.source, *scene.bodies, scene.outlook)]
     assert all(separated(*pair) for pair in pairwise(seen))
     corner = Pose.tilted((1, 2, -150), (0, 10, 0)).points(np.array([-50.0, -40.0, 0.0]))
     np.testing.assert_allclose(elements[0].placed[0].points[:, 0, 0], corner, rtol=0, atol=1e-12)
-    page = held(scene_page(row, row.lens, np.ones((8, 8)), []))
+    page = held(scene_page(row, np.ones((8, 8)), []))
     np.testing.assert_allclose(corner_of(page, 0), corner, rtol=0, atol=1e-4)  # float32 in the mirror's frame
     assert [len(page["faces"]), page["element"]] == [12, "mirror"]

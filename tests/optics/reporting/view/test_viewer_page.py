@@ -25,7 +25,9 @@ def page(tmp_path):
 
     def make(lens, irradiance=None, paths=(), **changes):
         system = small_system(tmp_path, changes)
-        return scene_page(system, lens, np.ones((48, 48)) if irradiance is None else irradiance, paths)
+        return scene_page(
+            system.with_lens(lens), np.ones((48, 48)) if irradiance is None else irradiance, paths
+        )
 
     return make
 

@@ -17,7 +17,7 @@ from optics.scene.sources import (
     PointSource,
     RayFileSource,
 )
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.cases import SMALL, write_problem
 from tests.optics.scene.problem.cases import MIRROR, load_text, load_values
 
@@ -161,7 +161,7 @@ def test_the_distance_of_a_source_with_a_position_changes_no_ray(tmp_path):
     problem = load_values(tmp_path, SMALL | POINT | {"source.position": [0.0, 0.0, -30.0]})
     moved = copy(problem)
     moved.__dict__["source"] = replace(problem.source, distance=99.0)
-    for mine, other in zip(*(OpticalSystem(p).source.parts((9, 9)) for p in (problem, moved)), strict=True):
+    for mine, other in zip(*(System(p).source.parts((9, 9)) for p in (problem, moved)), strict=True):
         np.testing.assert_allclose(mine.origin, other.origin, atol=1e-12)
         np.testing.assert_array_equal(mine.direction, other.direction)
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, strategies as st
 from optics.base.runtime import UserError
 from optics.scene.limits import limit_advice, limit_checks, limit_sentences, require_limits
 from optics.scene.problem import Limits, Problem, load_problem
-from optics.scene.system import OpticalSystem, volume_of_made
+from optics.scene.system import System, volume_of_made
 from tests.cases import examples, python
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import DENSITY, FREE_FRONT, designed
@@ -135,7 +135,7 @@ def test_a_mirror_has_a_face_and_a_back():
     target = {"kind": "tophat", "position": (0, 60, 0), "tilt": (-90, 0, 0)} | screen
     problem = Problem(source=beam, element=[mirror], target=target)
     checks = checks_of(
-        problem, manufacturability(OpticalSystem(problem).base), radius=9.0, slope=2.0, envelope=(0.0, 9.0)
+        problem, manufacturability(System(problem).base), radius=9.0, slope=2.0, envelope=(0.0, 9.0)
     )
     assert {re.split(" (?:short of|beyond) ", check.name)[0] for check in checks} == {
         "least z of the face",
@@ -392,8 +392,8 @@ def test_advice_does_not_load_the_cad_kernel(tmp_path):
     program = (
         "import sys; from optics.scene.limits import limit_advice; "
         "from optics.scene.problem import load_problem; "
-        "from optics.scene.system import OpticalSystem; p = load_problem(sys.argv[1]); "
-        "print(len(limit_advice(p, OpticalSystem(p).base)), 'OCP' in sys.modules)"
+        "from optics.scene.system import System; p = load_problem(sys.argv[1]); "
+        "print(len(limit_advice(p, System(p).base)), 'OCP' in sys.modules)"
     )
     done = python(program, tmp_path / "problem.toml", check=True)
     assert done.stdout.split() == ["1", "False"]

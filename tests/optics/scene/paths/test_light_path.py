@@ -116,7 +116,7 @@ def test_a_path_that_is_none_is_refused():
 
 def test_the_path_of_a_system_absorbs_what_its_lens_does(tmp_path):
     system = small_system(tmp_path, {"lens.absorption": 0.02})
-    path = system.path(system.base)
+    path = system.path
     assert [medium.absorption for medium in path.media] == [0.0, 0.02, 0.0]
     assert [medium.index for medium in path.media] == [1.0, system.base.index, 1.0]
     assert [surface.shape for surface in path.surfaces] == [system.base.front, system.base.rear]

@@ -6,7 +6,7 @@ import pytest
 
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import SMALL, rough, toml_text, write_problem
 from thbcad.lens import manufacturability
 from thbcad.surfaces import THBSurface
@@ -115,6 +115,6 @@ def designed(folder, changes=None, height=0.05):
     """Return (problem, lens, found): a small problem with a density, its lens with a rough sag, and the
     lens's figures."""
     problem = load_problem(write_problem(folder, ROOMY | (changes or {})))
-    base = OpticalSystem(problem).base
+    base = System(problem).base
     lens = base.with_sags([THBSurface(sag.space, rough(sag.space, height)) for sag in base.sags])
     return problem, lens, manufacturability(lens, DENSITY)

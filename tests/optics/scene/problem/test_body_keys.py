@@ -3,7 +3,7 @@
 import pytest
 
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import refusal
 from thbcad.moulds import BodyOptions
@@ -13,10 +13,10 @@ UNLIKE = {"lens.front.half_width": [8.0, 8.0]}
 
 def test_a_body_is_read_and_a_problem_without_one_has_none(tmp_path):
     plain = load_problem(write_problem(tmp_path))
-    assert OpticalSystem(plain).body is None
+    assert System(plain).body is None
     keys = {"lens.body.draft": 2.0, "lens.body.annulus": True, "lens.body.parting": 1.0}
     body = load_problem(write_problem(tmp_path, UNLIKE | keys))
-    assert OpticalSystem(body).body == BodyOptions(2.0, 1.0, True)
+    assert System(body).body == BodyOptions(2.0, 1.0, True)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from optics.interface.commands import main
 from optics.scene.problem import load_problem
 from optics.scene.receivers.formula import formula_light, require_quick
 from optics.scene.receivers.formula_syntax import ALLOWED, MAX_DEPTH, MAX_LENGTH
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.system import System, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.scene.problem.cases import load_text
@@ -187,7 +187,7 @@ def formula_file(folder, changes=None, drop=("target.image",)):
 def test_a_formula_needs_no_picture_and_survives_being_written(tmp_path):
     problem = load_problem(formula_file(tmp_path, {"target.formula": "1 +\n\t0.5 * (x < 0.25)^2"}))
     assert load_text(tmp_path, problem.to_toml()) == problem
-    light = OpticalSystem(problem).target.light
+    light = System(problem).target.light
     assert light.shape == problem.target.pixels[::-1]
     assert light[0, 0] == 1
     assert light[0, -1] == pytest.approx(1 / 1.5, rel=1e-15)
@@ -214,8 +214,8 @@ def test_light_that_is_made_on_the_pixels_is_not_fitted(tmp_path, kind):
     square."""
     oblong = {"target.half_width": [20.0, 10.0], "target.pixels": [32, 32]}
     problem = load_problem(formula_file(tmp_path, oblong | kind))
-    light = OpticalSystem(problem).target.light
-    target = target_irradiance(light, OpticalSystem(problem).target.screen(), problem.target.placing, 1.0)
+    light = System(problem).target.light
+    target = target_irradiance(light, System(problem).target.screen(), problem.target.placing, 1.0)
     np.testing.assert_allclose(target / target.max(), light / light.max(), rtol=1e-13)
 
 

@@ -11,7 +11,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers.formula import BAND_POINTS, SUBPOINTS, formula_light, formula_pixels
 from optics.scene.receivers.formula_syntax import MAX_LENGTH
 from optics.scene.receivers.regions import uniform_region
-from optics.scene.system import OpticalSystem, target_irradiance
+from optics.scene.system import System, target_irradiance
 from tests.cases import examples
 from tests.optics.cases import write_problem
 from tests.optics.scene.receivers.cases import EVEN, EXAMPLE, MANY, PLAIN, expressions, means, refusal
@@ -39,8 +39,8 @@ def test_the_target_shows_the_formula_upright(tmp_path):
     problem = load_problem(
         write_problem(tmp_path, {"target.kind": "function"} | changes, drop=("target.image",))
     )
-    light = OpticalSystem(problem).target.light
-    screen = OpticalSystem(problem).target.screen()
+    light = System(problem).target.light
+    screen = System(problem).target.screen()
     target = target_irradiance(light, screen, problem.target.placing, 3.0)
     assert light.shape == target.shape == (16, 32)
     wanted = np.zeros((16, 32))

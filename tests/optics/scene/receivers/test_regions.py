@@ -11,7 +11,7 @@ from optics.scene.problem import load_problem
 from optics.scene.receivers import FarField, Screen, chart_of_goniometer, zone_places, zone_rows
 from optics.scene.receivers.regions import REGIONS, uniform_region
 from optics.scene.receivers.zones import goniometer_of_chart, zone_readings
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from tests.optics.cases import SMALL, toml_text
 
 AREAS = {"rectangle": 4.0, "ellipse": np.pi, "crescent": 2.0}  # of [-1, 1]^2
@@ -90,7 +90,7 @@ def test_a_top_hat_needs_no_picture(tmp_path):
         toml_text(values | {"target.kind": "tophat", "target.shape": "ellipse", "target.lit": [0.5, 0.5]})
     )
     problem = load_problem(path)
-    light = OpticalSystem(problem).target.light
+    light = System(problem).target.light
     assert light.shape == problem.target.pixels[::-1]
     assert light.mean() == pytest.approx(np.pi / 16, rel=1e-2)
 

@@ -33,7 +33,7 @@ def test_a_source_of_a_new_kind_is_all_that_its_class_says(tmp_path):
     torch = Torch(flux=2.0, distance=20.0, file="none", **place)
     system = small_system(tmp_path, {"lens.front.radius": 100.0})
     system.__dict__["sources"] = (torch,)
-    image, fates, _ = sequential(system, system.base, load_backend("double"), 17)
+    image, fates, _ = sequential(system, load_backend("double"), 17)
     assert fates.total == pytest.approx(2.0, rel=1e-12)
     assert image.any()
     point = torch.without_extent()

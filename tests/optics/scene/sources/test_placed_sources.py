@@ -58,7 +58,7 @@ def test_the_light_of_a_list_is_the_sum_of_the_light_of_each():
     backend = load_backend("double", 1)
     lists = [placed(-3, flux=2.0), placed(4, weight=0.5)], [placed(-3, flux=2.0)], [placed(4, weight=0.5)]
     both, *alone = (solvable_system(problem(sources)) for sources in lists)
-    light = [measure(system, system.base, backend) for system in (both, *alone)]
+    light = [measure(system, backend) for system in (both, *alone)]
     assert both.problem.flux == 2.5
     total = light[1].irradiance + light[2].irradiance
     off, error = np.linalg.norm(light[0].irradiance - total), light[0].metrics["rel_l2_floor"]

@@ -55,8 +55,8 @@ def test_no_ray_of_a_file_is_in_two_sets(tmp_path, place, side):
 def test_the_noise_of_a_file_is_told_wherever_its_light_stands(tmp_path):
     floors = {}
     for place, keys in PLACES.items():
-        system = optics.System(problem(tmp_path, keys, 4096)).optical
-        metrics = measure(system, system.base, system.backend).metrics
+        system = optics.System(problem(tmp_path, keys, 4096))
+        metrics = measure(system, system.backend).metrics
         floors[place] = metrics["rel_l2_floor"]
         assert metrics["rays"] == metrics["rays_of_file"] == (8192 if place == "array" else 4096)
     assert floors["lone"] > 0.1
@@ -70,8 +70,8 @@ def test_the_noise_of_light_by_other_ways_is_that_of_files(tmp_path, place):
     """Of eight lenses, each lit by another file of the same lamp."""
     found = []
     for seed in range(8):
-        system = optics.System(problem(tmp_path, PLACES[place], 2048, seed=seed, radius=15.0)).optical
-        other = nonsequential_light(system, system.base, system.target.screen(), system.backend)
+        system = optics.System(problem(tmp_path, PLACES[place], 2048, seed=seed, radius=15.0))
+        other = nonsequential_light(system, system.target.screen(), system.backend)
         assert other.share > 0.1
         found.append(other.light)
     spread = np.sqrt(np.var([light.irradiance for light in found], axis=0, ddof=1).sum())

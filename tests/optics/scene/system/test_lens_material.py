@@ -91,12 +91,12 @@ def test_absorption_of_a_material_by_wavelength(tmp_path):
     changes = {"lens.material": "N-BK7", "lens.absorption": "auto", "source.spectrum": [[400, 1], [650, 1]]}
     system = system_of(tmp_path, changes)
     law = MATERIALS["N-BK7"].absorption
-    assert system.path(system.base).media[1].absorption == pytest.approx(law(550), rel=1e-3)
+    assert system.path.media[1].absorption == pytest.approx(law(550), rel=1e-3)
     media = [w.media[1] for w in system.wavelengths]
     assert [m.absorption for m in media] == pytest.approx([law(400), law(650)], rel=1e-3)
-    assert [path.media[1] for _, path in coloured(system, system.path(system.base))] == media
+    assert [path.media[1] for _, path in coloured(system, system.path)] == media
     one = alone(system, system.wavelengths[0])
-    assert one.path(one.lens).media[1] == media[0]
+    assert one.path.media[1] == media[0]
     assert not one.spectral
 
 

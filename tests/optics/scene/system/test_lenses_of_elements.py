@@ -10,7 +10,7 @@ from PIL import Image
 from optics.base.runtime import UserError
 from optics.scene.problem import load_problem
 from optics.scene.sources import RayGrid, Rays, collimated_beam
-from optics.scene.system import OpticalSystem, reach
+from optics.scene.system import System, reach
 from optics.scene.system.elements import freeforms
 from optics.scene.system.reach import require_reachable
 from tests.optics.cases import write_problem
@@ -37,7 +37,7 @@ def glowing(folder, changes=None):
 
 
 def test_a_collimated_source_is_a_beam(tmp_path):
-    found = OpticalSystem(loaded(tmp_path, COLLIMATED)).source.rays((13, 11))
+    found = System(loaded(tmp_path, COLLIMATED)).source.rays((13, 11))
     wanted = collimated_beam((9.5, 9.5), 3.0, (10.0, 10.0), (13, 11))
     assert isinstance(found, RayGrid)
     np.testing.assert_array_equal(found.x, wanted.x)
@@ -50,7 +50,7 @@ def test_a_collimated_source_is_a_beam(tmp_path):
     [((64, 64), 4096), ((65, 65), 4096), ((100, 100), 8192), ((1, 1), 4), ((90, 20), 2048)],
 )
 def test_a_lambertian_source_takes_the_nearest_power_of_two(tmp_path, counts, count):
-    found = OpticalSystem(loaded(tmp_path, LAMBERTIAN)).source.rays(counts)
+    found = System(loaded(tmp_path, LAMBERTIAN)).source.rays(counts)
     assert isinstance(found, Rays)
     assert found.origin.shape == found.direction.shape == (3, count)
     assert set(found.origin[2]) == {-2.0}
@@ -59,7 +59,7 @@ def test_a_lambertian_source_takes_the_nearest_power_of_two(tmp_path, counts, co
 
 
 def test_a_point_takes_a_grid_of_directions_within_its_cone(tmp_path):
-    found = OpticalSystem(loaded(tmp_path, POINT)).source.rays((31, 17))
+    found = System(loaded(tmp_path, POINT)).source.rays((31, 17))
     assert found.origin.shape == (3, 31 * 17)
     assert found.direction[2].min() >= math.cos(math.radians(50)) - 1e-15
     np.testing.assert_allclose(
@@ -71,7 +71,7 @@ def test_a_point_takes_a_grid_of_directions_within_its_cone(tmp_path):
 
 @pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS.keys())
 def test_all_rays_carry_the_flux(tmp_path, changes):
-    found = OpticalSystem(loaded(tmp_path, changes)).source.rays((32, 32))
+    found = System(loaded(tmp_path, changes)).source.rays((32, 32))
     assert found.total == pytest.approx(3.0, rel=1e-13)
 
 
@@ -79,7 +79,7 @@ def test_all_rays_carry_the_flux(tmp_path, changes):
 @pytest.mark.filterwarnings("ignore:The balance properties of Sobol")
 @pytest.mark.parametrize("changes", [COLLIMATED, LAMBERTIAN], ids=["collimated", "lambertian"])
 def test_parts_are_small_and_make_up_the_whole(tmp_path, changes, most):
-    parts = list(OpticalSystem(loaded(tmp_path, changes)).source.parts((32, 32), None, most))
+    parts = list(System(loaded(tmp_path, changes)).source.parts((32, 32), None, most))
     sizes = [len(p.x) * len(p.y) if isinstance(p, RayGrid) else p.origin.shape[1] for p in parts]
     assert max(sizes) <= most
     assert sum(sizes) == 1024
@@ -91,7 +91,7 @@ def test_fresh_rays_differ_and_the_usual_ones_do_not(tmp_path, changes):
     problem = loaded(tmp_path, changes)
 
     def numbers(fresh):
-        rays = OpticalSystem(problem).source.rays((16, 16), fresh)
+        rays = System(problem).source.rays((16, 16), fresh)
         return rays.x if isinstance(rays, RayGrid) else rays.direction
 
     np.testing.assert_array_equal(numbers(None), numbers(None))
@@ -106,7 +106,7 @@ def test_fresh_rays_differ_and_the_usual_ones_do_not(tmp_path, changes):
 
 def test_the_sources_picture_is_linear_light(tmp_path):
     """200 counts 20 times as much as 10, whatever the target's encoding."""
-    profile = OpticalSystem(glowing(tmp_path)).source.profile
+    profile = System(glowing(tmp_path)).source.profile
     assert profile.kind == "image"
     np.testing.assert_allclose(profile.light, GLOW * (profile.light.max() / 200), rtol=1e-14)
 
@@ -114,7 +114,7 @@ def test_the_sources_picture_is_linear_light(tmp_path):
 @pytest.mark.parametrize("changes", [COLLIMATED, LAMBERTIAN], ids=["collimated", "lambertian"])
 def test_the_sources_picture_glows_where_it_is_bright(tmp_path, changes):
     """Row 0 at +y: 10 parts of 210 at the upper left, the others at the lower right; counts to 2 n^-1/2."""
-    rays = OpticalSystem(glowing(tmp_path, changes)).source.rays((64, 64))
+    rays = System(glowing(tmp_path, changes)).source.rays((64, 64))
     if isinstance(rays, RayGrid):
         x, y = np.meshgrid(rays.x / 9.5, rays.y / 9.5, indexing="ij")
         flux = rays.flux
@@ -137,7 +137,7 @@ FREE_FRONT = {
 
 def test_the_rear_alone_is_free_by_default(tmp_path):
     problem = loaded(tmp_path)
-    lens = OpticalSystem(problem).base
+    lens = System(problem).base
     assert lens.front.sag is None
     assert len(lens.sags) == 1
     assert freeforms(problem) == (problem.lens.rear.freeform,)
@@ -145,7 +145,7 @@ def test_the_rear_alone_is_free_by_default(tmp_path):
 
 def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
     problem = loaded(tmp_path, FREE_FRONT | {"lens.front.half_width": [10.0, 8.0]})
-    lens = OpticalSystem(problem).base
+    lens = System(problem).base
     assert freeforms(problem) == (problem.lens.front.freeform, problem.lens.rear.freeform)
     assert lens.sags == (lens.front.sag, lens.rear.sag)
     for sag, degree, spans, half_width in (
@@ -159,7 +159,7 @@ def test_a_free_front_has_a_sag_of_zeros_on_its_own_mesh(tmp_path):
 
 
 def test_sags_are_put_back_where_they_belong(tmp_path):
-    lens = OpticalSystem(loaded(tmp_path, FREE_FRONT)).base
+    lens = System(loaded(tmp_path, FREE_FRONT)).base
     lifted = [
         type(sag)(sag.space, np.full(sag.space.dim, value)) for sag, value in zip(lens.sags, (-0.25, 0.5))
     ]
@@ -186,24 +186,24 @@ WIDE = {"target.distance": 20.0, "target.half_width": [90.0, 90.0]}
 def test_a_target_beyond_the_greatest_deflection_is_refused_for_a_beam_behind_a_plane(tmp_path):
     problem = loaded(tmp_path, WIDE)
     with pytest.raises(UserError, match=r"degrees aside from the beam"):
-        require_reachable(OpticalSystem(problem))
+        require_reachable(System(problem))
 
 
 def test_the_corner_of_a_square_lies_farther_aside_than_its_sides(tmp_path):
     """43.1 degrees in x and in y are 52.9 aside; a far field comes no nearer by a larger distance."""
     far = {"target.distance": math.inf, "target.half_width": [44.0, 44.0]}
     with pytest.raises(UserError, match=r"52\.9 degrees aside .* turn target\.tilt nearer") as refused:
-        require_reachable(OpticalSystem(loaded(tmp_path, far)))
+        require_reachable(System(loaded(tmp_path, far)))
     proposed = float(re.search(r"half_width=\[([\d.]+)", str(refused.value))[1])
     assert 36 < proposed < 40
-    require_reachable(OpticalSystem(loaded(tmp_path, far | {"target.half_width": [proposed] * 2})))
+    require_reachable(System(loaded(tmp_path, far | {"target.half_width": [proposed] * 2})))
 
 
 def test_a_target_of_many_pixels_is_judged_by_merged_ones(tmp_path, monkeypatch):
     """12 x 12 in place of 48 x 48: within the part of the light that lies in a pixel at the edge."""
 
     def refused():
-        system = OpticalSystem(loaded(tmp_path, WIDE | {"target.pixels": [48, 48]}))
+        system = System(loaded(tmp_path, WIDE | {"target.pixels": [48, 48]}))
         told = refusal(require_reachable, system)
         share, degrees = re.match(r"(\d+)% .* up to ([\d.]+) degrees", told).groups()
         return float(share), float(degrees)
@@ -226,4 +226,4 @@ def test_a_target_of_many_pixels_is_judged_by_merged_ones(tmp_path, monkeypatch)
 )
 def test_other_light_is_not_refused(tmp_path, changes):
     problem = loaded(tmp_path, WIDE | changes)
-    require_reachable(OpticalSystem(problem))
+    require_reachable(System(problem))

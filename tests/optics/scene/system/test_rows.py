@@ -7,7 +7,7 @@ from optics.base.runtime import UserError
 from optics.designing.optimisation import transmitted_flux
 from optics.scene.paths import AIR, Medium
 from optics.scene.problem import Problem, load_problem
-from optics.scene.system import OpticalSystem, solvable_system
+from optics.scene.system import System, solvable_system
 from tests.optics.scene.problem.cases import refusal
 from thbcad.poses import Pose
 
@@ -39,8 +39,8 @@ def row(*elements, **more):
 
 
 def test_the_path_goes_over_all_elements_in_their_poses():
-    system = OpticalSystem(row(LENS | {"position": (1, 2, 3), "tilt": (10, 0, 0)}, MIRROR))
-    path = system.path(system.base)
+    system = System(row(LENS | {"position": (1, 2, 3), "tilt": (10, 0, 0)}, MIRROR))
+    path = system.path
     assert [surface.name for surface in path.surfaces] == ["L1.front", "L1.rear", "M1.face"]
     assert path.media == (AIR, Medium(1.5), AIR, AIR)
     lens = Pose.tilted((1, 2, 3), (10, 0, 0))
@@ -61,8 +61,8 @@ def test_what_passes_at_normal_incidence_is_what_a_trace_sends_on(front, rear, s
     plane = [{**FIXED} if r is None else {**FIXED, "reflectance": r} for r in (front, rear)]
     lens = LENS | {"front": plane[0], "rear": plane[1]}
     mirror = MIRROR | {"reflectance": share, "face": MIRROR["face"] | {"radius": np.inf}}
-    system = OpticalSystem(row(lens, mirror))
-    traced = transmitted_flux(system, system.backend, system.base)
+    system = System(row(lens, mirror))
+    traced = transmitted_flux(system, system.backend)
     assert system.passing == pytest.approx(traced, rel=1e-12)
 
 
@@ -71,8 +71,8 @@ def test_a_face_that_light_meets_going_to_its_minus_z_is_turned_round():
     lens = LENS | {"front": {"half_width": SIZE, "radius": 40.0, "conic": -1.0}, "rear": {"half_width": SIZE}}
     faces = ["L1.front", "L1.rear:reflect", "L1.front"]
     target = {"position": (0, 0, -50), "tilt": (180, 0, 0)}
-    system = OpticalSystem(row(lens, path=({"faces": faces},), target=target))
-    inwards, inside, outwards = system.path(system.base).surfaces
+    system = System(row(lens, path=({"faces": faces},), target=target))
+    inwards, inside, outwards = system.path.surfaces
     assert inside.kind == "reflect"
     assert (inwards.name, outwards.name) == ("L1.front", "L1.front again")
     x, y = 3.0, 4.0
@@ -89,7 +89,7 @@ def test_each_lens_of_a_row_has_the_index_of_its_own_material():
         for name, part, place in (("PMMA", "L1", {}), ("N-BK7", "L2", {"position": (0, 0, 20)}))
     ]
     source = {"spectrum": [[486.13, 1.0], [656.27, 1.0]], "wavelength": 587.56}
-    system = OpticalSystem(row(*lenses, MIRROR, source=source))
+    system = System(row(*lenses, MIRROR, source=source))
     blue, red = ([medium.index for medium in w.media] for w in system.wavelengths)
     assert blue[3] == pytest.approx(1.52238, abs=2e-5)
     assert red[3] == pytest.approx(1.51432, abs=2e-5)

@@ -10,7 +10,7 @@ from optics.light.intersections import KnownHits
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BSplineWindow, GaussianWindow
 from optics.scene.sources import single_rays
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.scene.system.tracing_skips import gaussian_tail
 from oracles.light_formulas import window_value
 from tests.optics.cases import rough, target_z, tracer_to
@@ -51,7 +51,7 @@ def case(request, problem_file):
 
 def test_skips_are_decided_by_the_problem(case):
     problem, applying = case
-    found = OpticalSystem(problem).skips
+    found = System(problem).skips
     assert {s.name for s in found if s.applies} == applying
     assert len({s.name for s in found}) == len(found) == 14
     assert not NEVER & {s.name for s in found if s.applies}
@@ -60,7 +60,7 @@ def test_skips_are_decided_by_the_problem(case):
 
 def test_the_tracer_leaves_out_what_is_listed(backend, case):
     problem, applying = case
-    lens, rays = OpticalSystem(problem).base, OpticalSystem(problem).source.rays((16, 16))
+    lens, rays = System(problem).base, System(problem).source.rays((16, 16))
     tracer = tracer_to(backend, lens, rays, target_z(problem))
     hits, _ = tracer.trace([sag.coefficients for sag in lens.sags])
     assert isinstance(tracer._surfaces[1].hits, KnownHits) == ("meeting points" in applying)
@@ -68,8 +68,8 @@ def test_the_tracer_leaves_out_what_is_listed(backend, case):
     if problem.source.kind == "collimated":
         whole = problem.source.half_width[0] * (1 - 1 / 16)
         assert (rays.x.max() < whole) == ("aperture" in applying)
-    (line,) = [s.what for s in OpticalSystem(problem).skips if s.name == "taps"]
-    exact = stages(OpticalSystem(problem), False)[-1].exact
+    (line,) = [s.what for s in System(problem).skips if s.name == "taps"]
+    exact = stages(System(problem), False)[-1].exact
     taps = stage_window(problem, True).taps
     assert ("edge of a cell" in line) == exact
     assert (f"{taps} x {taps}" in line) == (not exact)
@@ -78,16 +78,16 @@ def test_the_tracer_leaves_out_what_is_listed(backend, case):
 def test_known_meeting_points_change_nothing(backend, problem_file):
     """The one skip that takes another way: loss and gradient at a rough state keep to its tolerance."""
     problem = load_problem(problem_file())
-    lens, beam = OpticalSystem(problem).base, OpticalSystem(problem).source.rays((65, 65))
+    lens, beam = System(problem).base, System(problem).source.rays((65, 65))
     c = [rough(lens.rear.sag.space)]
-    screen = OpticalSystem(problem).target.screen()
-    target = OpticalSystem(problem).target.irradiance(screen, 0.9)
+    screen = System(problem).target.screen()
+    target = System(problem).target.irradiance(screen, 0.9)
     tracers = (tracer_to(backend, lens, rays, target_z(problem)) for rays in (beam, single_rays(beam, lens)))
     found, by_search = (
         Objective(TracedModel(backend, t, screen, BSplineWindow(3)), target, 1.0)(c) for t in tracers
     )
     (gradient,), (other,) = found.gradients, by_search.gradients
-    (skip,) = [s for s in OpticalSystem(problem).skips if s.name == "meeting points"]
+    (skip,) = [s for s in System(problem).skips if s.name == "meeting points"]
     assert found.loss == pytest.approx(by_search.loss, rel=skip.tolerance)
     assert np.linalg.norm(gradient - other) < skip.tolerance * np.linalg.norm(other)
     assert (gradient != other).any()  # indeed two ways

@@ -21,7 +21,7 @@ SIDES = ("front", "rear")
 
 def formula_of(folder, backend, side="rear", changes=None, bumps=0.0, counts=COUNTS):
     system, lens = system_and_lens(folder, changes, bumps)
-    return local_formula_of(system, lens, side, backend, counts)
+    return local_formula_of(system.with_lens(lens), side, backend, counts)
 
 
 def tangent(slope):

@@ -65,7 +65,7 @@ SLOW = pytest.mark.slow
 )
 def test_random_probes_cost_what_the_formula_expects(tmp_path, backend, band):
     system, lens = system_and_lens(tmp_path, PLATE, bumps=0.003)
-    formula = local_formula_of(system, lens, "rear", backend, (256, 256))
+    formula = local_formula_of(system.with_lens(lens), "rear", backend, (256, 256))
     probes = [random_field(band, 1e-6, lens.rear.half_width, seed) for seed in range(4)]
     squares = [np.square(formula.linear_change(p)).sum() for p in probes]
     norm = np.sqrt(np.mean(squares)) / np.linalg.norm(formula.irradiance) / 1e-6
@@ -76,7 +76,7 @@ def test_random_probes_cost_what_the_formula_expects(tmp_path, backend, band):
 def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
     system, lens = system_and_lens(tmp_path)
     steps = []
-    found = form_errors_of(system, lens, backend, RISE, lambda *step: steps.append(step))
+    found = form_errors_of(system.with_lens(lens), backend, RISE, lambda *step: steps.append(step))
     assert json.loads(json.dumps(found.data())) == found.data()
     assert [number for _, number, _ in steps] == [*range(10)]
     assert len(form_rows(found)) == len(steps) == steps[0][2]
@@ -94,8 +94,8 @@ def test_the_allowed_rms_brings_the_stated_rise(tmp_path, backend):
 )
 def test_rel_l2_is_that_of_the_far_field_at_the_design_wavelength(tmp_path, backend, spectrum):
     system, lens = system_and_lens(tmp_path, WIDE | spectrum)
-    found = form_errors_of(system, lens, backend, RISE)
-    metrics = measure(system, lens, backend).metrics
+    found = form_errors_of(system.with_lens(lens), backend, RISE)
+    metrics = measure(system.with_lens(lens), backend).metrics
     measured = metrics["rel_l2_design_wavelength"] if spectrum else metrics["rel_l2_sequential"]
     # both count cells, though not as many; irradiances would be 0.03 off
     assert found.rel_l2 == pytest.approx(measured, rel=1e-3)
@@ -111,14 +111,14 @@ def test_rel_l2_is_that_of_the_far_field_at_the_design_wavelength(tmp_path, back
 def test_a_rise_that_is_not_positive_is_refused(tmp_path, backend, rise):
     system, lens = system_and_lens(tmp_path)
     with pytest.raises(UserError, match="must be positive, got"):
-        form_errors_of(system, lens, backend, rise)
+        form_errors_of(system.with_lens(lens), backend, rise)
 
 
 def probed_plate(folder, backend, cells):
     """Return the rear of a bumpy plate, to be probed by so many cells each way."""
     system, lens = system_and_lens(folder, PLATE, bumps=0.003)
     target = system.target.irradiance(system.target.screen(), 1.0)
-    formula_of = partial(local_formula_of, system, lens, "rear", backend)
+    formula_of = partial(local_formula_of, system.with_lens(lens), "rear", backend)
     return _Probed(formula_of((cells, cells)), target, lens.rear.outline, formula_of)
 
 
@@ -136,9 +136,9 @@ def test_light_that_ends_before_the_rim_starts_from_the_same_rel_l2_as_the_repor
     """A top hat's edge shows cells that end a ten-thousandth too early."""
     beam = {"target.kind": "tophat", "target.lit": [0.75, 0.75], "target.pixels": [160, 160]}
     system, lens = system_and_lens(tmp_path, PLATE | beam | {"target.half_width": [12.6, 12.6]})
-    own = local_formula_of(system, lens, "rear", backend, (640, 640))
+    own = local_formula_of(system.with_lens(lens), "rear", backend, (640, 640))
     target = system.target.irradiance(system.target.screen(), 1.0)
-    report = measure(system, lens, backend).metrics["rel_l2_sequential"]
+    report = measure(system.with_lens(lens), backend).metrics["rel_l2_sequential"]
     assert rel_l2(own.irradiance / own.shown, target) == pytest.approx(report, rel=1e-3)
 
 

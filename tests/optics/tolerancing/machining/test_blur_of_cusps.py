@@ -25,7 +25,7 @@ def system_of(folder, changes=None):
 
 
 def blur_of(system, lens, backend, order, name="rear", rays=9):
-    response = landing_response(system, lens, backend, name, rays)
+    response = landing_response(system.with_lens(lens), backend, name, rays)
     return response, cusp_blur(air_side(lens, name), response, system.target.screen(), order)
 
 
@@ -56,7 +56,7 @@ def test_the_exact_trace_of_the_cusps_spreads_light_by_the_blur(tmp_path, backen
     order = ToolOrder(ball=8.0, rows=rows)
     response, blur = blur_of(system, lens, backend, order, rays=25)
     cusps = ball_cusps(air_side(lens, "rear"), response.x, response.y, 8.0, step, rows)
-    path, rays = system.path(lens), system.source.rays((25, 25))
+    path, rays = system.with_lens(lens).path, system.source.rays((25, 25))
     paths = (path.with_slope_errors((None, sign * cusps.slopes / 2)) for sign in (-1.0, 1.0))
     ends = [traced_points(erring, backend, rays)[0] for erring in paths]
     spread = np.hypot(*(ends[1] - ends[0])) / PIXEL
@@ -70,7 +70,7 @@ def test_scallops_at_every_ray_move_light_within_the_blur_and_fill_it(tmp_path, 
     response, blur = blur_of(system, lens, backend, order, rays=129)
     cusps = ball_cusps(air_side(lens, "rear"), response.x, response.y, 8.0, step, "x")
     phase = response.y / step - np.round(response.y / step)
-    path, rays = system.path(lens), system.source.rays((129, 129))
+    path, rays = system.with_lens(lens).path, system.source.rays((129, 129))
     smooth, _ = traced_points(path, backend, rays)
     rough, _ = traced_points(path.with_slope_errors((None, phase * cusps.slopes)), backend, rays)
     moved = np.hypot(*(rough - smooth)) / PIXEL / (step * blur.pixels)
@@ -93,7 +93,7 @@ def test_the_picture_with_cusps_is_the_sharp_one_spread_by_the_blur(tmp_path, ba
     def slopes(x, y):
         return ball_cusps(air_side(lens, "rear"), x, y, 6.0, step, "x").slopes
 
-    light = light_with_cusps(system, lens, backend, "rear", slopes, width / pixel)
+    light = light_with_cusps(system.with_lens(lens), backend, "rear", slopes, width / pixel)
     phases = max(4, int(np.ceil(2 * width / pixel)))  # finitely many leave 1 - 1 / phases^2 of the variance
     spread = width**2 / 12 * (1 - 1 / phases**2)
     at = (2 * np.arange(48) + 1) / 48 * 19 - 19
@@ -109,8 +109,8 @@ def test_the_picture_with_cusps_is_the_sharp_one_spread_by_the_blur(tmp_path, ba
 @pytest.mark.parametrize("spectrum", [{}, {"lens.material": "PC", "source.spectrum": "LED-B3"}])
 def test_without_cusps_rel_l2_is_that_of_the_far_field_in_all_colours(tmp_path, backend, spectrum):
     system = system_of(tmp_path, WIDE | spectrum)
-    light = light_with_cusps(system, system.base, backend, "rear", lambda x, y: 0 * np.stack([x, y]), 0.1)
-    measured = measure(system, system.base, backend).metrics["rel_l2_sequential"]
+    light = light_with_cusps(system, backend, "rear", lambda x, y: 0 * np.stack([x, y]), 0.1)
+    measured = measure(system, backend).metrics["rel_l2_sequential"]
     # both count cells, though not as many; irradiances would be 0.03 off, a single wavelength 0.01
     assert light.without == pytest.approx(measured, rel=1e-4)
     assert light.with_cusps == pytest.approx(light.without, rel=1e-9)
@@ -119,7 +119,7 @@ def test_without_cusps_rel_l2_is_that_of_the_far_field_in_all_colours(tmp_path, 
 def test_the_picture_of_an_extended_source_is_not_told(tmp_path, backend):
     changes = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.distance": 20.0}
     system = system_of(tmp_path, changes)
-    assert light_with_cusps(system, bowl_lens(), backend, "rear", lambda x, y: x, 1.0) is None
+    assert light_with_cusps(system.with_lens(bowl_lens()), backend, "rear", lambda x, y: x, 1.0) is None
 
 
 def test_where_the_tool_does_not_fit_the_blur_is_left_out_and_counted(tmp_path, backend):

@@ -22,7 +22,7 @@ def found(tmp_path, backend):
     system = small_system(tmp_path)
 
     def of(order, lens=None):
-        return tool_findings(system, lens or bowl_lens(), order, backend, rays=17)
+        return tool_findings(system.with_lens(lens or bowl_lens()), order, backend, rays=17)
 
     return of
 
@@ -108,7 +108,7 @@ def test_cusps_are_told_where_light_crosses_and_anywhere(tmp_path, backend):
     """Against the closed form of both: a beam over the middle half of a bowl, whose rim is steep."""
     system = small_system(tmp_path, NARROW)
     lens = small_lens(rear=Conic(-25.0, -1.0))
-    found = tool_findings(system, lens, ToolOrder(ball=3.0, step=0.05), backend, rays=65)
+    found = tool_findings(system.with_lens(lens), ToolOrder(ball=3.0, step=0.05), backend, rays=65)
     (surface,), graph = found.surfaces, air_side(lens, "rear")
     heights = [ball_cusps(graph, x, x, 3.0, 0.05, "x").height.max() for x in map(np.array, ([5.0], [10.0]))]
     assert heights[1] > 1.15 * heights[0]
@@ -162,11 +162,13 @@ def test_the_yardstick_is_half_of_the_blur_that_there_is(tmp_path, backend, chan
     """A plane plate: the sun's disk over the way to the target, and the lamp's image by a pinhole."""
     system = small_system(tmp_path, changes)
     lens = small_lens(rear=Conic())
-    wide = spot_width(system, lens, backend)
+    wide = spot_width(system.with_lens(lens), backend)
     # behind a plate light has the angle that it had before; a lamp is seen over its optical distance
     expected = 2 * 60 * np.tan(np.radians(2.0)) if changes is SUN else 1.2 * 60 / (30 + 6 / 1.5)
     assert wide == pytest.approx(expected, rel=0.1)
-    (surface,) = tool_findings(system, lens, ToolOrder(ball=6.0, surface="rear"), backend, 65).surfaces
+    (surface,) = tool_findings(
+        system.with_lens(lens), ToolOrder(ball=6.0, surface="rear"), backend, 65
+    ).surfaces
     assert surface.yardstick == pytest.approx(wide / 2 / (40 / 48), rel=1e-12)
     assert surface.pitch * surface.blur.worst()[0] == pytest.approx(surface.yardstick)
     assert surface.largest_pitch == pytest.approx(surface.pitch)
@@ -188,9 +190,9 @@ def test_polishing_is_asked_for_where_cusps_blur_more_than_the_yardstick(
     system = small_system(tmp_path, changes)
 
     def of(step):
-        return tool_findings(system, bowl_lens(), ToolOrder(ball=5.0, step=step), backend, rays=33)
+        return tool_findings(system.with_lens(bowl_lens()), ToolOrder(ball=5.0, step=step), backend, rays=33)
 
-    half = spot_width(system, bowl_lens(), backend) / 2 if changes else 40 / 48
+    half = spot_width(system.with_lens(bowl_lens()), backend) / 2 if changes else 40 / 48
     step = times * max(1.0, half / (40 / 48)) / of(0.01).surfaces[0].blur.worst()[0]
     findings = of(step)
     polish = tool_data(findings)["surfaces"]["rear"]["cusps"]["polish"]
@@ -275,19 +277,19 @@ PLATE = {"lens.array.columns": 2, "lens.array.rows": 3, "lens.array.pitch": 25.0
 
 def test_of_a_plate_each_lens_is_told_and_no_nose_turns_it(tmp_path, backend):
     system = small_system(tmp_path, PLATE)
-    findings = tool_findings(system, system.base, ToolOrder(), backend)
+    findings = tool_findings(system, ToolOrder(), backend)
     lines = tool_lines(findings)
     assert lines[0].startswith("this holds for each of the 6 lenses of the plate by itself")
     assert not any("walls" in line for line in lines)
     assert tool_data(findings)["lenses"] == 6
     with pytest.raises(UserError, match="this is a plate of lenses; take a ball"):
-        tool_findings(system, system.base, ToolOrder(nose=0.5, feed=0.02), backend)
+        tool_findings(system, ToolOrder(nose=0.5, feed=0.02), backend)
 
 
 def test_the_walls_of_a_body_have_its_draft(backend):
     base = {"lens.rear.radius": -20.0, "lens.rear.conic": -1.0, "lens.rear.freeform.z_freedom": 1.0}
     system = example_system("dome", base)
-    findings = tool_findings(system, system.base, ToolOrder(), backend)
+    findings = tool_findings(system, ToolOrder(), backend)
     assert (
         tool_lines(findings)[-1] == "the walls of the body have a draft of 3 degrees, as lens.body asks for"
     )

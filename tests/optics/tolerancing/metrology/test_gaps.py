@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from optics.base.runtime import UserError
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.metrology import (
     MeasuredPoints,
     as_built_data,
@@ -78,7 +78,7 @@ def test_a_hole_is_seen_wherever_light_crosses_it() -> None:
 
 
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
+def system(tmp_path_factory: pytest.TempPathFactory) -> System:
     return small_system(tmp_path_factory.mktemp("problem"))
 
 
@@ -93,7 +93,7 @@ def measured(surface, count=6000, part=1.0, errors=ripple):
 @pytest.mark.parametrize("part", [0.02, 0.5, 0.93])
 def test_what_was_not_measured_carries_no_error(system, backend, part: float) -> None:
     points = measured(system.base.rear, 8000, part)
-    built = light_as_built(system, system.base, points, backend, "rear", correct=False)
+    built = light_as_built(system, points, backend, "rear", correct=False)
     assert built.light_error is None
     lines = as_built_lines(built)
     assert not any("+-" in line for line in lines)
@@ -107,7 +107,7 @@ def test_what_was_not_measured_carries_no_error(system, backend, part: float) ->
 
 @pytest.mark.slow
 def test_a_surface_that_was_measured_all_over_has_an_error(system, backend) -> None:
-    built = light_as_built(system, system.base, measured(system.base.rear), backend, "rear", correct=False)
+    built = light_as_built(system, measured(system.base.rear), backend, "rear", correct=False)
     assert built.known == 1
     assert any("+-" in line for line in as_built_lines(built))
 
@@ -134,8 +134,8 @@ def test_half_a_lens_of_other_power_is_shown_by_datums_without_its_best_fit(
 
     monkeypatch.setattr(as_built_light, "best_fit", refused)
     with pytest.raises(UserError, match="moves half of the points"):
-        light_as_built(system, system.base, points, backend, "rear", "best fit", correct=False)
-    built = light_as_built(system, system.base, points, backend, "rear", correct=False)
+        light_as_built(system, points, backend, "rear", "best fit", correct=False)
+    built = light_as_built(system, points, backend, "rear", correct=False)
     x, y = points.points[:2]
     assert np.abs(built.made.correction(x, y) - powered(rear)(x, y)).max() < 1e-5
     assert built.fitted is None
@@ -151,7 +151,7 @@ def test_outliers_have_a_sentence_of_their_own(system, backend, monkeypatch) -> 
     patch = (np.abs(x - 4) < 1) & (np.abs(y + 3) < 1)
     spoilt = MeasuredPoints(np.stack([x, y, z + 0.3 * patch]))
     monkeypatch.setattr(as_built_light, "_light_error", lambda *_: None)
-    built = light_as_built(system, system.base, spoilt, backend, "rear", correct=False)
+    built = light_as_built(system, spoilt, backend, "rear", correct=False)
     (line,) = (line for line in as_built_lines(built) if "from where the others do" in line)
     assert line.startswith(f"{patch.sum()} of 6,000 points lie up to 299 um")
 
@@ -173,7 +173,7 @@ def test_the_table_counts_the_points_that_a_fit_leaves_out(system, backend) -> N
     line = (h * np.linspace(-1, 1, 60) for h in rear.half_width)
     x, y = (g.ravel() for g in np.meshgrid(*line))
     points = MeasuredPoints(np.stack([x + 0.2, y, rear(x, y) + ripple(x, y)]), beside=60)
-    built = light_as_built(system, system.base, points, backend, "rear", correct=False)
+    built = light_as_built(system, points, backend, "rear", correct=False)
     assert built.fitted is not None
     alignments = as_built_data(built)["alignments"]
     assert (alignments["datums"]["beside"], alignments["best fit"]["beside"]) == (60, 0)

@@ -8,7 +8,7 @@ import pytest
 from optics.base.runtime import UserError
 from optics.light.analysis import measure, rel_l2
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.metrology import (
     FileFrame,
     MeasuredPoints,
@@ -98,7 +98,7 @@ def test_noise_is_carried_both_ways() -> None:
 
 
 @pytest.fixture(scope="module")
-def system(tmp_path_factory: pytest.TempPathFactory) -> OpticalSystem:
+def system(tmp_path_factory: pytest.TempPathFactory) -> System:
     return small_system(tmp_path_factory.mktemp("problem"))
 
 
@@ -110,9 +110,9 @@ def test_the_light_of_a_made_lens_is_found_from_noisy_points(system, backend, no
     knots = [KnotVector.uniform(3, 160, -h, h) for h in (hx, hy)]
     exact = quasi_interpolate(THBSpace(*knots), lambda x, y: ripple(x, y))
     bare = replace(lens, rear=FreeformSurface((hx, hy), lens.rear.conic, exact))
-    true = measure(system, bare, backend).metrics["rel_l2"]
+    true = measure(system.with_lens(bare), backend).metrics["rel_l2"]
     points = measured(lens.rear, 20_000, noise)
-    built = light_as_built(system, lens, points, backend, "rear", correct=False)
+    built = light_as_built(system.with_lens(lens), points, backend, "rear", correct=False)
     assert abs(built.light_error.rel_l2 - true) < max(0.02 * true, built.light_error.error)
     assert built.light_error.error < 0.1 * true
     assert built.made.fit.noise == pytest.approx(noise, rel=0.05)
@@ -129,7 +129,7 @@ def test_ripple_that_noise_hides_leaves_the_light_undecided(system, backend) -> 
     found = []
     for noise in (FINE, 0.05):
         points = measured(lens.rear, 4000, noise, times=60)
-        built = light_as_built(system, lens, points, backend, "rear", correct=False)
+        built = light_as_built(system.with_lens(lens), points, backend, "rear", correct=False)
         even = built.measurement.metrics | {"uniformity": uniform | same | {"reason": ""}}
         even.pop("contrast_error", None)
         measurement = replace(built.measurement, metrics=even)
@@ -150,7 +150,7 @@ def test_points_beside_the_surface_are_left_out_of_the_count(system, backend, tm
     heights = np.where(on, rear(np.where(on, x, 0.0), np.where(on, y, 0.0)), 0.0)
     np.savetxt(tmp_path / "a.xyz", np.column_stack([x, y, heights if kind == "heights" else 0.0 * x]))
     points = read_measured(tmp_path / "a.xyz", rear, FileFrame(kind=kind))
-    built = light_as_built(system, system.base, points, backend, "rear", correct=False)
+    built = light_as_built(system, points, backend, "rear", correct=False)
     data = as_built_data(built)
     assert (data["points"], data["beside"]) == (on.sum(), (~on).sum())
     assert as_built_lines(built)[0].startswith(f"{on.sum()} points of the rear; ")
@@ -161,9 +161,7 @@ def test_other_words_are_refused(system, backend) -> None:
     with pytest.raises(UserError, match="surface must be front or rear"):
         surface_of(system.base, "back")
     with pytest.raises(UserError, match="align must be"):
-        light_as_built(
-            system, system.base, measured(system.base.rear, 500), backend, "rear", way="three points"
-        )
+        light_as_built(system, measured(system.base.rear, 500), backend, "rear", way="three points")
 
 
 def test_a_design_that_is_finer_than_its_correction_keeps_its_cells() -> None:
@@ -192,9 +190,9 @@ class RippleError:
 def test_the_light_of_a_made_lens_is_that_of_its_error_at_the_rays(system, backend, side: str) -> None:
     designed = surface_of(system.base, side)
     made = made_surface(designed, by_datums(designed, measured(designed, 8000, FINE).points))
-    light = PerturbedLight(system, system.base, backend)
+    light = PerturbedLight(system, backend)
     (before, _), (exact, _) = light(), light(Perturbation(**{f"{side}_error": RippleError()}))
-    after, _ = PerturbedLight(system, with_surface(system.base, side, made.surface), backend)()
+    after, _ = PerturbedLight(system.with_lens(with_surface(system.base, side, made.surface)), backend)()
     assert np.linalg.norm(after - exact) < 0.02 * np.linalg.norm(exact - before)
 
 
@@ -202,26 +200,26 @@ SHIFT = 0.15  # mm
 
 
 @pytest.mark.slow  # 60 traces
-def test_a_decentred_lens_is_put_back(system: OpticalSystem, backend) -> None:
+def test_a_decentred_lens_is_put_back(system: System, backend) -> None:
     """The light asked for is that of the same lens in another place, which is to be found."""
     lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.base.sags])
     wanted = Perturbation(lens_shift=(SHIFT, -SHIFT / 2, 0.0), lens_tilt=(0.0, 0.0, 0.01))
-    target, _ = PerturbedLight(system, lens, backend)(wanted)
-    found = rigid_correction(system, lens, target, backend)
+    target, _ = PerturbedLight(system.with_lens(lens), backend)(wanted)
+    found = rigid_correction(system.with_lens(lens), target, backend)
     amounts = {move.name: move.amount for move in found.moves}
     assert found.after < 0.05 * found.before
     assert amounts["lens.decentre_x"] == pytest.approx(SHIFT, rel=0.1)
     assert amounts["lens.decentre_y"] == pytest.approx(-SHIFT / 2, rel=0.1)
     assert amounts["lens.tilt_z"] == pytest.approx(np.degrees(0.01), rel=0.2)
-    again, _ = PerturbedLight(system, lens, backend)(found.perturbation)
+    again, _ = PerturbedLight(system.with_lens(lens), backend)(found.perturbation)
     assert rel_l2(again, target) == pytest.approx(found.after)
 
 
 @pytest.mark.slow  # 13 traces
-def test_a_lens_that_stands_well_stays(system: OpticalSystem, backend) -> None:
+def test_a_lens_that_stands_well_stays(system: System, backend) -> None:
     lens = system.base.with_sags([THBSurface(sag.space, rough(sag.space)) for sag in system.base.sags])
-    target, _ = PerturbedLight(system, lens, backend)()
-    found = rigid_correction(system, lens, target, backend)
+    target, _ = PerturbedLight(system.with_lens(lens), backend)()
+    found = rigid_correction(system.with_lens(lens), target, backend)
     assert found.after <= found.before < 1e-12
     assert all(abs(move.amount) < 1e-9 for move in found.moves)
 
@@ -230,7 +228,7 @@ def test_what_was_measured_must_make_a_lens(system, backend) -> None:
     rear = system.base.rear
     points = measured(rear, 2000).points + np.array([[0.0], [0.0], [-30.0]])
     with pytest.raises(UserError, match=r"no lens has the rear that was measured: .*cross"):
-        light_as_built(system, system.base, MeasuredPoints(points), backend, "rear", correct=False)
+        light_as_built(system, MeasuredPoints(points), backend, "rear", correct=False)
 
 
 def test_a_surface_that_light_meets_from_behind_too_is_refused(backend) -> None:
@@ -243,7 +241,7 @@ def test_a_surface_that_light_meets_from_behind_too_is_refused(backend) -> None:
         target={"kind": "tophat", "position": (0, 0, -200), "tilt": (180, 0, 0), "half_width": (20, 20)}
         | {"pixels": (16, 16)},
     )
-    system = OpticalSystem(problem)
+    system = System(problem)
     points = measured(system.base.front, 500)
     with pytest.raises(UserError, match=r"light meets L1.front from behind"):
-        light_as_built(system, system.base, points, backend, "front", correct=False)
+        light_as_built(system, points, backend, "front", correct=False)

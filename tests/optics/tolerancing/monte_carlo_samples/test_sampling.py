@@ -11,7 +11,7 @@ from scipy.stats import norm
 from optics.base.runtime import UserError
 from optics.base.workers import Worker, worker_pool
 from optics.light.analysis import rel_l2
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.monte_carlo_samples import Draw, ErrorModel, FormTolerance, SampleBatch, sample_lenses
 from optics.tolerancing.monte_carlo_samples.random_errors import REPLICATES, draws
 from optics.tolerancing.monte_carlo_samples.sample_batch import Range
@@ -46,7 +46,7 @@ def model_of(folder, forms=(RIPPLES,)):
     target = system.target.irradiance(system.target.screen(), 1.0)
     named = {"lens.decentre_x", "lens.decentre_y", "index"}
     tolerances = tuple(t for t in tolerances_of(system, AMOUNTS) if t.name in named)
-    return ErrorModel(system, lens, target, tolerances, forms)
+    return ErrorModel(system.with_lens(lens), target, tolerances, forms)
 
 
 def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
@@ -59,7 +59,7 @@ def test_a_made_lens_is_the_lens_with_all_of_its_errors(tmp_path, backend):
     by_name = dict(zip((t.name for t in model.tolerances), draw.amounts))
     assert (x, y) == pytest.approx((0.2 * by_name["lens.decentre_x"], 0.2 * by_name["lens.decentre_y"]))
     assert errors.index == pytest.approx(1e-3 * by_name["index"])
-    image, fates = PerturbedLight(model.system, model.lens, backend)(errors)
+    image, fates = PerturbedLight(model.system, backend)(errors)
     assert made.rel_l2[3, 1] == pytest.approx(rel_l2(image, model.target), rel=1e-9)
     assert made.efficiency[3, 1] == pytest.approx(fates.on_target, rel=1e-9)
     assert seen[-1] == (16 + 2 * FIELDS, 16 + 2 * FIELDS)
@@ -84,7 +84,7 @@ def test_a_lens_that_cannot_be_traced_is_a_failed_lens(tmp_path):
     """An index error that leaves air fails in every lens where it is drawn so low."""
     model = model_of(tmp_path)
     bad = tuple(t for t in tolerances_of(model.system, {"index": 0.9}) if t.name == "index")
-    made, sets, _ = sample_lenses(ErrorModel(model.system, model.lens, model.target, bad), 16, Here())
+    made, sets, _ = sample_lenses(ErrorModel(model.system, model.target, bad), 16, Here())
     low = np.array([[draw.amounts[0] * 0.9 <= -0.5 for draw in lenses] for lenses in sets])
     np.testing.assert_array_equal(np.isinf(made.rel_l2), low)
     assert low.any()
@@ -148,9 +148,9 @@ def test_lenses_of_which_rays_do_not_tell_widen_the_interval_of_the_yield():
 def test_a_lens_whose_uniformity_is_not_known_is_undecided():
     """The blur of the wide source leaves too few boxes."""
     source = {"kind": "lambertian", "half_width": (4.0, 4.0), "distance": 10.0, "half_angle": 8.0}
-    system = OpticalSystem(flat_problem(source))
+    system = System(flat_problem(source))
     target = system.target.irradiance(system.target.screen(), 1.0)
-    made = traced(ErrorModel(system, system.base, target, ()), Draw((), 0)).made
+    made = traced(ErrorModel(system, target, ()), Draw((), 0)).made
     assert np.isnan(made)
 
 
@@ -230,12 +230,12 @@ def test_other_numbers_of_samples_are_refused(samples):
 def test_bad_forms_are_refused(tmp_path, surface, rms, words):
     system = small_system(tmp_path)
     with pytest.raises(UserError, match=words):
-        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, system.base, 0)
+        FormTolerance(surface, rms, (1.0, 5.0)).drawn(system, 0)
 
 
 def test_a_form_lies_on_its_surface_alone(tmp_path):
     system = small_system(tmp_path, {"lens.front.half_width": [6.0, 4.0]})
-    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, system.base, 3)
+    drawn = FormTolerance("front", 1e-5, (2.0, 8.0)).drawn(system, 3)
     assert drawn.rear_error is None
     x, y = np.meshgrid(np.linspace(-6, 6, 101), np.linspace(-4, 4, 101))
     assert drawn.front_error.jet(x.ravel(), y.ravel())[0].std() == pytest.approx(1e-5, rel=0.05)

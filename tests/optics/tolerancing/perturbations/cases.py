@@ -40,12 +40,12 @@ def rough_system(folder, changes=None, height=0.02):
     """Return (system, lens) of the small problem with a rough rear."""
     system = small_system(folder, changes)
     sags = [THBSurface(s.space, rough(s.space, height)) for s in system.base.sags]
-    return system, system.base.with_sags(sags)
+    return system.with_sags(sags)
 
 
 def small_light(folder, backend, changes=None, height=0.02, per_pixel=None):
     """Return the PerturbedLight of the small problem with a rough rear."""
-    return PerturbedLight(*rough_system(folder, changes, height), backend, per_pixel)
+    return PerturbedLight(rough_system(folder, changes, height), backend, per_pixel)
 
 
 def from_source(p, origin, direction, source_z):

@@ -95,7 +95,7 @@ def test_the_front_is_followed_where_it_alone_is_free(tmp_path, backend):
     from optics.tolerancing.perturbations import PerturbedLight
 
     system = small_system(tmp_path, FRONT, drop=FREE_REAR)
-    light = PerturbedLight(system, system.base, backend)
+    light = PerturbedLight(system, backend)
     path = LensPaths(light)(SHIFT)
     middle = path.ds.shape[0] // 2
     # the beam is parallel, so that its points slide by the shift itself

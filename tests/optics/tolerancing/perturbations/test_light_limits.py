@@ -10,7 +10,7 @@ from hypothesis import example, given, strategies as st
 from optics.base.runtime import UserError
 from optics.light.analysis import measure, rel_l2, uniformity_metrics, unit_mean
 from optics.scene.problem import load_problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.monte_carlo_samples import ErrorModel
 from optics.tolerancing.perturbations import (
     LightJudge,
@@ -35,13 +35,12 @@ FAR = {"target.distance": float("inf"), "target.half_width": [30.0, 30.0]}
 def even_system(folder, changes=None):
     """Return a lens whose light is even where it lies: a plane plate in a beam that fills the lit pixels."""
     plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0, "target.half_width": [19.0, 19.0]}
-    system = small_system(folder, TOPHAT | plate | (changes or {}))
-    return system, system.base
+    return small_system(folder, TOPHAT | plate | (changes or {}))
 
 
-def budget_of(system, lens, backend, limits=None, floats=False, **amounts):
+def budget_of(system, backend, limits=None, floats=False, **amounts):
     target = system.target.irradiance(system.target.screen(), 1.0)
-    return tolerance_budget(system, lens, target, backend, few(system, **amounts), limits, floats=floats)
+    return tolerance_budget(system, target, backend, few(system, **amounts), limits, floats=floats)
 
 
 DECENTRE = {"target.decentre_x": 0.2, "source.size": 1.0}
@@ -58,9 +57,9 @@ LAMP = {"source.kind": "lambertian", "source.half_width": [0.5, 0.5], "source.ha
 )
 def test_the_noise_of_counted_rays_is_taken_off_rel_l2(tmp_path, backend, light):
     """It leaves what the report says, which counts other rays, or none."""
-    system, lens = rough_system(tmp_path, light)
-    reported = measure(system, lens, backend)
-    perturbed = PerturbedLight(system, lens, backend, per_pixel=16)
+    system = rough_system(tmp_path, light)
+    reported = measure(system, backend)
+    perturbed = PerturbedLight(system, backend, per_pixel=16)
     light, _ = perturbed.estimate()
     image = light.irradiance
     off = LightJudge(unit_mean(reported.target), perturbed).numbers(light).rel_l2
@@ -85,8 +84,8 @@ def even(tmp_path_factory):
 )
 def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, backend, limits, reached) -> None:
     """By traces of their own, and the uniformity on boxes."""
-    system, lens = even
-    found = budget_of(system, lens, backend, limits, **DECENTRE)
+    system = even
+    found = budget_of(system, backend, limits, **DECENTRE)
     (effect,) = [e for e in found.effects if e.tolerance.name == "target.decentre_x"]
     assert effect.allowed is not None
     assert effect.allowed.limit == reached
@@ -94,7 +93,7 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
         ok = []
         for sign in (-1, 1):
             p = effect.tolerance.at(sign * factor * effect.allowed.amount)
-            light, _ = PerturbedLight(system, lens, backend).estimate(p)
+            light, _ = PerturbedLight(system, backend).estimate(p)
             e = light.irradiance / light.irradiance.mean()
             rel = np.linalg.norm(e - found.target) / np.linalg.norm(found.target)
             u0 = uniformity_metrics(system, light, 0.0)["min_over_mean"]
@@ -105,35 +104,35 @@ def test_at_the_allowed_amount_every_limit_is_kept_and_one_is_reached(even, back
 
 def test_the_efficiency_may_be_the_limit(tmp_path, backend) -> None:
     """Light that fills the target leaves it as the target shifts: 2 % of its width lose 1 % of the light."""
-    system, lens = even_system(tmp_path, {"target.half_width": [10.0, 10.0], "target.lit": [0.9, 0.9]})
-    found = budget_of(system, lens, backend, {"efficiency": 0.9}, **{"target.decentre_x": 0.2})
+    system = even_system(tmp_path, {"target.half_width": [10.0, 10.0], "target.lit": [0.9, 0.9]})
+    found = budget_of(system, backend, {"efficiency": 0.9}, **{"target.decentre_x": 0.2})
     (effect,) = found.effects
     assert effect.allowed.limit == "efficiency"
     assert 0.9 <= effect.allowed.light.efficiency < 0.9 + 0.03 * (found.light.efficiency - 0.9)
 
 
 def test_uniform_light_is_judged_by_uniformity_and_efficiency_unless_limits_are_given(even, backend) -> None:
-    system, lens = even
-    usual = budget_of(system, lens, backend, index=1e-3)
+    system = even
+    usual = budget_of(system, backend, index=1e-3)
     wanted = {"min_over_mean": 0.7, "efficiency": pytest.approx(0.99 * usual.light.efficiency)}
     assert usual.bounds == wanted
-    rise = budget_of(system, lens, backend, 0.02, index=1e-3)
+    rise = budget_of(system, backend, 0.02, index=1e-3)
     assert rise.bounds == {"rel_l2": pytest.approx(rise.rel_l2 + 0.02)}
 
 
 def test_a_picture_is_judged_by_rel_l2_and_has_no_uniformity(tmp_path, backend) -> None:
-    system, lens = rough_system(tmp_path)
-    found = budget_of(system, lens, backend, index=1e-3)
+    system = rough_system(tmp_path)
+    found = budget_of(system, backend, index=1e-3)
     assert [*found.bounds] == ["rel_l2", "efficiency"]
     with pytest.raises(UserError, match=r"min_over_mean is not known of this light: .* is not uniform"):
-        budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
+        budget_of(system, backend, {"min_over_mean": 0.7}, index=1e-3)
 
 
 @pytest.mark.parametrize("changes", [{}, FAR], ids=["plane", "far field"])
 def test_a_shift_of_the_whole_light_costs_nothing_where_it_floats(tmp_path, backend, changes) -> None:
     """The target follows the light: what only shifts leaves the picture as it is, and shapes are kept."""
-    system, lens = rough_system(tmp_path, TOPHAT | {"target.half_width": [40.0, 40.0]} | changes)
-    stands, follows = (PerturbedLight(system, lens, backend, floats=f) for f in (False, True))
+    system = rough_system(tmp_path, TOPHAT | {"target.half_width": [40.0, 40.0]} | changes)
+    stands, follows = (PerturbedLight(system, backend, floats=f) for f in (False, True))
     nominal = stands()[0]
     name = {"target_tilt": (0.0, 0.01, 0.0)} if changes else {"target_shift": (0.7, -0.3, 0.0)}
     shift = Perturbation(**name)
@@ -146,19 +145,19 @@ def test_a_shift_of_the_whole_light_costs_nothing_where_it_floats(tmp_path, back
 
 
 def test_made_lenses_float_as_their_budget_does(even) -> None:
-    system, lens = even
+    system = even
     target = system.target.irradiance(system.target.screen(), 1.0)
     shift = Perturbation(target_shift=(0.4, 0.0, 0.0))
-    lights = [ErrorModel(system, lens, target, (), (), floats).light for floats in (False, True)]
+    lights = [ErrorModel(system, target, (), (), floats).light for floats in (False, True)]
     moved = [np.linalg.norm(light(shift)[0] - light()[0]) for light in lights]
     assert moved[1] < 1e-3 * moved[0]
 
 
 @pytest.mark.slow
 def test_what_floats_is_not_what_is_held(even, backend) -> None:
-    system, lens = even
-    stands = budget_of(system, lens, backend, **DECENTRE)
-    floats = budget_of(system, lens, backend, floats=True, **DECENTRE)
+    system = even
+    stands = budget_of(system, backend, **DECENTRE)
+    floats = budget_of(system, backend, floats=True, **DECENTRE)
     cost = [{e.tolerance.name: e.cost for e in found.effects} for found in (stands, floats)]
     assert cost[0]["target.decentre_x"] > 0
     assert cost[1]["target.decentre_x"] == 0
@@ -174,14 +173,14 @@ def limited(budget):
 @pytest.mark.slow
 def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> None:
     """By a budget of these amounts: its expected rel_l2 is the limit, to second order."""
-    system, lens = even
-    found = budget_of(system, lens, backend, {"rel_l2": 0.05}, **DECENTRE)
+    system = even
+    found = budget_of(system, backend, {"rel_l2": 0.05}, **DECENTRE)
     less = {name: found.together * amount for name, amount in DECENTRE.items()}
-    again = budget_of(system, lens, backend, {"rel_l2": 0.05}, **less)
+    again = budget_of(system, backend, {"rel_l2": 0.05}, **less)
     assert again.expected == pytest.approx(0.05, rel=0.03)
     assert again.together == pytest.approx(1, rel=0.06)
     assert f"where every amount is multiplied by {found.together:.2g}" in " ".join(shop_sentences(found))
-    uniform = budget_of(system, lens, backend, {"min_over_mean": 0.7}, **DECENTRE)
+    uniform = budget_of(system, backend, {"min_over_mean": 0.7}, **DECENTRE)
     assert uniform.together is None
     assert "--samples" in shop_sentences(uniform)[-1]
     loose = replace(found, bounds={"rel_l2": 50.0})
@@ -198,19 +197,19 @@ def test_all_amounts_times_what_is_told_keep_rel_l2_together(even, backend) -> N
 def test_the_reason_why_no_uniformity_is_known_is_said(even, tmp_path, backend) -> None:
     unknown = "min_over_mean is not known of this light: the light asked for is not uniform;"
     with pytest.raises(UserError, match=unknown):
-        budget_of(*rough_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
-    system, lens = even_system(tmp_path, {"lens.rear.slope_rms": 0.15})
+        budget_of(rough_system(tmp_path), backend, {"min_over_mean": 0.7}, index=1e-3)
+    system = even_system(tmp_path, {"lens.rear.slope_rms": 0.15})
     with pytest.raises(UserError, match=r"leaves boxes on \d+% of the region; .*; limit rel_l2 or"):
-        budget_of(system, lens, backend, {"min_over_mean": 0.7}, index=1e-3)
+        budget_of(system, backend, {"min_over_mean": 0.7}, index=1e-3)
 
 
 @pytest.mark.slow
 def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even, backend) -> None:
-    system, lens = even
+    system = even
     chosen = {t.name: t.amount for t in tolerances_of(system) if t.name.startswith(("target.", "lens.tilt"))}
     made = {"front.tilt_x": 0.1, "index": 1e-3}
     amounts = chosen | DECENTRE | made
-    found = budget_of(system, lens, backend, 0.01, **amounts)
+    found = budget_of(system, backend, 0.01, **amounts)
     lines = shop_sentences(found)
     ranked = [e.tolerance.name for e in found.by_cost()]
     for holder, chosen in (
@@ -235,8 +234,8 @@ def test_five_errors_are_said_in_the_order_of_cost_and_all_are_in_the_table(even
 
 
 def test_where_every_usual_amount_will_do_nothing_must_be_held(even, backend) -> None:
-    system, lens = even
-    found = budget_of(system, lens, backend, {"min_over_mean": 0.1}, **{"front.tilt_x": 1e-3})
+    system = even
+    found = budget_of(system, backend, {"min_over_mean": 0.1}, **{"front.tilt_x": 1e-3})
     lines = shop_sentences(found)
     assert not any("must hold" in line for line in lines)
     assert any(line.startswith(("The shop: the usual amounts will do", "No care needed")) for line in lines)
@@ -244,16 +243,16 @@ def test_where_every_usual_amount_will_do_nothing_must_be_held(even, backend) ->
 
 def test_light_that_a_shifted_lens_loses_is_limited_where_nothing_is_said(even, backend) -> None:
     """The beam is 9.5 mm wide to each side, the lens 10 mm: 0.5 mm cost nothing, each mm more 1/19 of it."""
-    system, lens = even
-    found = budget_of(system, lens, backend, **{"lens.decentre_x": 0.2})
+    system = even
+    found = budget_of(system, backend, **{"lens.decentre_x": 0.2})
     (effect,) = found.effects
     assert effect.allowed is not None
     assert effect.allowed.amount < 0.5 + 19 * 0.011
 
 
 def test_a_limit_that_the_design_misses_is_said_and_allows_nothing(even, backend) -> None:
-    system, lens = even
-    found = budget_of(system, lens, backend, {"min_over_mean": 0.7, "efficiency": 0.95}, **DECENTRE)
+    system = even
+    found = budget_of(system, backend, {"min_over_mean": 0.7, "efficiency": 0.95}, **DECENTRE)
     assert [e.allowed for e in found.effects] == [None, None]
     assert found.data()["missed_by_the_design"] == ["efficiency"]
     (line,) = (line for line in shop_sentences(found) if "misses" in line)
@@ -262,8 +261,8 @@ def test_a_limit_that_the_design_misses_is_said_and_allows_nothing(even, backend
 
 
 def test_counted_rays_are_said_to_make_the_uniformity_uncertain(even, backend) -> None:
-    system, lens = even
-    found = replace(budget_of(system, lens, backend, index=1e-3), noise=0.18)
+    system = even
+    found = replace(budget_of(system, backend, index=1e-3), noise=0.18)
     assert "the noise of a lit pixel is 18%" in shop_sentences(found)[-1]
 
 
@@ -356,10 +355,10 @@ def test_errors_that_reach_no_limit_are_free() -> None:
 def test_one_source_out_leaves_the_light_of_the_others(backend):
     """As `weight = 0` of that source does, but for its share of the flux, which is missing."""
     problem = load_problem(EXAMPLES / "two_sources.toml", {"target.pixels": [24, 24]})
-    system = OpticalSystem(problem)
-    budget = budget_of(system, system.base, backend, **{"target.decentre_x": 0.2})
-    alone = OpticalSystem(problem.with_(**{"source.others.right.weight": 0.0}))
-    lit = budget_of(alone, alone.lens, backend, **{"target.decentre_x": 0.2}).light
+    system = System(problem)
+    budget = budget_of(system, backend, **{"target.decentre_x": 0.2})
+    alone = System(problem.with_(**{"source.others.right.weight": 0.0}))
+    lit = budget_of(alone, backend, **{"target.decentre_x": 0.2}).light
     without = budget.outages[1]
     assert without.rel_l2 == pytest.approx(lit.rel_l2, rel=0.02)  # other rays of the same source
     assert without.efficiency == pytest.approx(lit.efficiency / 2, rel=5e-3)

@@ -1,7 +1,5 @@
 """The light of a perturbed lens, beside stops too: traced exactly, in whatever frame one thinks of it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -45,13 +43,13 @@ EVERYTHING = Perturbation(
 
 
 @pytest.fixture(scope="module")
-def system_and_lens(tmp_path_factory):
+def rough(tmp_path_factory):
     return rough_system(tmp_path_factory.mktemp("small"))
 
 
 @pytest.fixture(scope="module")
-def light(system_and_lens, backend):
-    return PerturbedLight(*system_and_lens, backend)
+def light(rough, backend):
+    return PerturbedLight(rough, backend)
 
 
 def relative(a, b):
@@ -62,26 +60,26 @@ def test_no_perturbation_leaves_the_light_of_the_same_cells(light, backend):
     load_backend("double", 1)  # several threads, which other tests may have asked for, add in any order
     irradiance, fates = light(NOMINAL)
     cells, screen = light.system.source.cells((144, 144)), light.screen
-    expected, own = cell_irradiance(light.system.path(light.lens), screen, cells, backend)
+    expected, own = cell_irradiance(light.system.path, screen, cells, backend)
     np.testing.assert_array_equal(irradiance, expected)
     assert fates == own
 
 
 def test_no_perturbation_leaves_every_part_itself(light):
-    parts = PerturbedParts.of(light.system, light.lens, NOMINAL)
-    path = light.system.path(light.lens)
-    assert [s.shape for s in parts.path.surfaces] == [light.lens.front, light.lens.rear]
+    parts = PerturbedParts.of(light.system, NOMINAL)
+    path = light.system.path
+    assert [s.shape for s in parts.path.surfaces] == [light.system.designed.front, light.system.designed.rear]
     assert parts.path.receiver.pose.shift.tolist() == path.receiver.pose.shift.tolist()
     assert parts.source.is_identity
-    assert perturbed_lens(light.lens, NOMINAL, None) is light.lens
+    assert perturbed_lens(light.system.designed, NOMINAL, None) is light.system.designed
 
 
 def test_rays_land_where_numpy_has_them_in_the_frame_of_the_world(light, backend):
     p = EVERYTHING
-    parts = PerturbedParts.of(light.system, light.lens, p)
-    rays = single_rays(light.system.source.rays((4, 5)), light.lens)
+    parts = PerturbedParts.of(light.system, p)
+    rays = single_rays(light.system.source.rays((4, 5)), light.system.designed)
     _, landing = light.trace_through(parts)(parts.rays(rays))
-    made = perturbed_lens(light.lens, p, None)
+    made = perturbed_lens(light.system.designed, p, None)
     expected = [
         traced_by_numpy(made, p, o, d, TARGET_Z, SOURCE_Z) for o, d in zip(rays.origin.T, rays.direction.T)
     ]
@@ -91,12 +89,12 @@ def test_rays_land_where_numpy_has_them_in_the_frame_of_the_world(light, backend
 
 def test_a_front_of_waves_alone_keeps_what_is_exact(light, backend):
     p = Perturbation(rear_error=Waves(5e-3, 2.0))  # light parallel to z meets it without a search
-    parts = PerturbedParts.of(light.system, light.lens, p)
+    parts = PerturbedParts.of(light.system, p)
     grid = light.system.source.rays((4, 5))
     _, landing = light.trace_through(parts)(grid)
-    rays = single_rays(grid, light.lens)
+    rays = single_rays(grid, light.system.designed)
     expected = [
-        traced_by_numpy(light.lens, p, o, d, TARGET_Z, SOURCE_Z)
+        traced_by_numpy(light.system.designed, p, o, d, TARGET_Z, SOURCE_Z)
         for o, d in zip(rays.origin.T, rays.direction.T)
     ]
     assert np.allclose(np.column_stack([landing.x.numpy(), landing.y.numpy()]), expected, atol=1e-10, rtol=0)
@@ -104,7 +102,7 @@ def test_a_front_of_waves_alone_keeps_what_is_exact(light, backend):
 
 def test_a_bowl_on_a_paraboloid_is_another_power(light):
     power = 0.01
-    bowl = Bowl(power / light.lens.rear.conic.radius)  # r^2 / 2 R is the paraboloid itself
+    bowl = Bowl(power / light.system.designed.rear.conic.radius)  # r^2 / 2 R is the paraboloid itself
     tilted = Perturbation(lens_tilt=(0.01, 0.02, 0.0))  # so that the rear is searched for
     for p in (NOMINAL, tilted):
         by_height, _ = light(p + Perturbation(rear_error=bowl))
@@ -143,11 +141,11 @@ def test_a_wedge_bends_light_as_a_prism(tmp_path, backend):
     """Of light along z through a plane tilted by a, and a plane: sin(out) = n sin(a - asin(sin a / n))."""
     plate = {"lens.rear.radius": float("inf"), "lens.rear.conic": 0.0}
     light = small_light(tmp_path, backend, plate, height=0.0)
-    angle, n = 0.02, light.lens.index
+    angle, n = 0.02, light.system.designed.index
     out = np.arcsin(n * np.sin(angle - np.arcsin(np.sin(angle) / n)))
     p = Perturbation(front_tilt=(0.0, angle, 0.0))
-    parts = PerturbedParts.of(light.system, light.lens, p)
-    rays = single_rays(light.system.source.rays((4, 5)), light.lens)
+    parts = PerturbedParts.of(light.system, p)
+    rays = single_rays(light.system.source.rays((4, 5)), light.system.designed)
     _, landing = light.trace_through(parts)(parts.rays(rays))
     assert np.abs(landing.p.numpy()) == pytest.approx(np.sin(out), rel=1e-9)
     assert np.abs(landing.q.numpy()).max() < 1e-12
@@ -233,27 +231,28 @@ def test_a_beam_wider_than_the_lens_lights_it_wherever_it_stands(tmp_path, backe
 
 
 def test_warm_plastic_is_larger_and_thinner_for_light(tmp_path, backend):
-    system, lens = rough_system(tmp_path, {"lens.material": "PMMA", "lens.index": "auto"})
+    system = rough_system(tmp_path, {"lens.material": "PMMA", "lens.index": "auto"})
+    lens = system.designed
     warm = perturbed_lens(lens, Perturbation(temperature=30.0), system.material)
     s = 1 + 30 * 6e-5  # the expansion and dn/dT of PMMA by the data sheet of OKP4
     x, y = np.random.default_rng(1).uniform(-9, 9, (2, 50))
     assert warm.index == pytest.approx(lens.index - 30 * 1e-4, abs=1e-15)
     assert warm.thickness == pytest.approx(s * lens.thickness)
     assert np.allclose(warm.rear(s * x, s * y), s * lens.rear(x, y), atol=1e-13)
-    light = PerturbedLight(system, lens, backend)
+    light = PerturbedLight(system, backend)
     assert light.moved_by(Perturbation(temperature=30.0)) > 1e-3
 
 
 def test_light_of_a_spectrum_is_that_of_its_wavelengths_one_by_one(tmp_path, backend):
     """The errors of the index, of the temperature too, come to the index of each."""
     glass = {"lens.material": "N-BK7", "lens.index": "auto", "lens.absorption": "auto"}
-    system, lens = rough_system(tmp_path, glass | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    system = rough_system(tmp_path, glass | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
     p = Perturbation(index=0.003, temperature=400.0, lens_shift=(0.1, 0.0, 0.0))
-    found, fates = PerturbedLight(system, lens, backend)(p)
+    found, fates = PerturbedLight(system, backend)(p)
     image, absorbed = 0.0, 0.0
     for wavelength in system.wavelengths:
         one = alone(system, wavelength)
-        light, own = PerturbedLight(one, one.lens.with_sags(lens.sags), backend)(p)
+        light, own = PerturbedLight(one.with_sags(system.sags), backend)(p)
         image = image + wavelength.weight * light
         absorbed += wavelength.weight * own.by_name["absorbed"]
     np.testing.assert_allclose(found, image, rtol=1e-12, atol=1e-15)
@@ -265,9 +264,9 @@ def test_a_lens_of_another_index_than_its_material_stays_cold_at_all_wavelengths
     """Its table meets the catalogue at the lines, but not at the wavelength of the design."""
     table = [[nm, MATERIALS["PMMA"].index(nm)] for nm in (450.0, 650.0)]
     changes = {"lens.material": "PMMA", "lens.index": "auto", "lens.indices": table}
-    system, lens = rough_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
+    system = rough_system(tmp_path, changes | {"source.spectrum": [[450.0, 1.0], [650.0, 3.0]]})
     assert system.material is None
-    light = PerturbedLight(system, lens, backend)
+    light = PerturbedLight(system, backend)
     np.testing.assert_array_equal(light(Perturbation(temperature=60.0))[0], light(NOMINAL)[0])
 
 
@@ -295,7 +294,7 @@ def test_a_stop_stands_still_when_the_lens_moves():
     )
     scene = solvable_system(problem)
     moved = Perturbation(lens_shift=(0.4, -0.3, 1.0))
-    traced = PerturbedLight(scene, scene.lens, scene.backend)
+    traced = PerturbedLight(scene, scene.backend)
     (image, fates), (other, other_fates) = traced(), traced(moved)
     corner = (2 * 8 / BORDER_CELLS) ** 2  # mm^2, of the finest cells: chords cut it
     np.testing.assert_allclose(image, other, atol=image.max() * corner / 1.5**2)
@@ -323,7 +322,7 @@ def test_a_front_that_moves_in_its_lens_does_not_stand_in_its_own_light(shift):
         stop=[{"shape": "rectangle", "half_width": (5, 5), "position": (0, 0, 60), "hole": False}],
     )
     scene = solvable_system(problem)
-    traced = PerturbedLight(scene, scene.lens, scene.backend, per_pixel=64)
+    traced = PerturbedLight(scene, scene.backend, per_pixel=64)
     (_, fates), (_, others) = traced(), traced(Perturbation(front_shift=shift))
     assert fates.blocked > 0.005
     assert others.blocked == pytest.approx(fates.blocked, abs=0.01)
@@ -338,8 +337,8 @@ def test_a_source_turns_about_its_middle_however_its_place_is_told(tmp_path, bac
     for place in ({"source.distance": 25.0}, {"source.position": [0.0, 0.0, -25.0]}):
         folder = tmp_path / next(iter(place))
         folder.mkdir()
-        system, lens = rough_system(folder, lamp | place)
-        light = PerturbedLight(system, lens, backend, 1)
+        system = rough_system(folder, lamp | place)
+        light = PerturbedLight(system, backend, 1)
         moves.append(light.moved_by(Perturbation(**error)))
     assert moves[0] > 0.0
     assert moves[1] == pytest.approx(moves[0], rel=1e-9)
@@ -347,13 +346,13 @@ def test_a_source_turns_about_its_middle_however_its_place_is_told(tmp_path, bac
 
 def test_a_file_of_few_rays_is_as_noisy_as_it_is(tmp_path, backend):
     """Of 500 rays on 48 x 48 pixels: each pixel has less than one, whatever number is asked for."""
-    system, lens = rough_system(tmp_path)
+    system = rough_system(tmp_path)
     place = {"shift": (0.0, 0.0), "tilt": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, 0.0)}
     file = RayFileSource(flux=1.0, distance=25.0, file="none", **place)
     x, y = np.random.default_rng(1).uniform(-8, 8, (2, 500))
     along = np.tile([[0.0], [0.0], [1.0]], 500)
     file.__dict__["placed"] = Rays(np.stack([x, y, np.full(500, -2.0)]), along, np.full(500, 1 / 500))
-    light = PerturbedLight(replace(system, own=Own(file)), lens, backend)
+    light = PerturbedLight(system.with_prescription(own=Own(file)), backend)
     found, _ = light.estimate()
     lit = found.irradiance > 0
     assert (found.error[lit] >= 0.99 * found.irradiance[lit]).mean() > 0.5
@@ -373,7 +372,7 @@ def test_the_size_of_a_placed_source_is_that_of_its_own_frame():
             target={"kind": "tophat", "distance": 60, "half_width": (30, 30), "pixels": (12, 12)},
         )
         system = solvable_system(problem)
-        parts = PerturbedParts.of(system, system.base, Perturbation(source_size=0.1))
+        parts = PerturbedParts.of(system, Perturbation(source_size=0.1))
         rays = parts.cells(system.source.cells((4, 4))).rays()
         rays = rays if isinstance(rays, Rays) else rays.rays(-30.0)
         spans.append(np.array([rays.origin[0].min(), rays.origin[0].max()]))

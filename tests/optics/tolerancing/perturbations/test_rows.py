@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from optics.base.runtime import UserError
 from optics.scene.problem import Problem
-from optics.scene.system import OpticalSystem
+from optics.scene.system import System
 from optics.tolerancing.metrology import MeasuredPoints, light_as_built
 from optics.tolerancing.monte_carlo_samples import FormTolerance
 from optics.tolerancing.perturbations import NOMINAL, LinearLight, Perturbation, PerturbedLight, tolerances_of
@@ -44,12 +44,12 @@ BOTH = SPREAD[0] | {"rear": FOLDED[0]["rear"]}, SPREAD[1]
 
 
 def row(*elements, height=0.02, **more):
-    """Return (system, lens) of elements in a beam along z, the free one rough."""
+    """Return the system of elements in a beam along z, the free one rough."""
     source = {"kind": "collimated", "half_width": (7, 7), "distance": 20.0}
     problem = Problem(source=source, element=elements, target=TARGET | more.pop("target", {}), **more)
-    system = OpticalSystem(problem)
-    spaces = [sag.space for sag in system.sags(system.base)]
-    return system.with_sags(system.base, [THBSurface(space, rough(space, height)) for space in spaces])
+    system = System(problem)
+    spaces = [sag.space for sag in system.sags]
+    return system.with_sags([THBSurface(space, rough(space, height)) for space in spaces])
 
 
 def posed(own, errors):
@@ -58,7 +58,7 @@ def posed(own, errors):
     return [*zip(turns, (np.array(own.position), np.array(errors.lens_shift)))]
 
 
-def by_numpy(system, lens, p, origin, direction):
+def by_numpy(system, p, origin, direction):
     """Return x and y on the moved target of one ray through SPREAD, in the frame of the scene."""
     one, mirror = system.problem.element
     of, (_, fixed) = p.others["L1"], system.others[0]
@@ -69,7 +69,7 @@ def by_numpy(system, lens, p, origin, direction):
     for frame, eta, jet in (
         ([*frames, front], 1 / index, shaped(fixed.front, of.front_error)),
         ([*frames, behind], index, shaped(fixed.rear, power=1 + of.rear_power)),
-        (posed(mirror, p), 0.0, shaped(lens.front, p.front_error)),
+        (posed(mirror, p), 0.0, shaped(system.designed.front, p.front_error)),
     ):
         start, ray = through(start, ray, frame, jet, eta)
     target = system.problem.target
@@ -102,20 +102,23 @@ EVERYTHING = Perturbation(
 
 
 def test_rays_land_where_numpy_has_them_with_everything_wrong(backend):
-    system, lens = row(*SPREAD)
-    light = PerturbedLight(system, lens, backend)
+    system = row(*SPREAD)
+    light = PerturbedLight(system, backend)
     parts = light.parts(EVERYTHING)
     rays = system.source.rays((4, 5)).rays(-50.0)
     _, landing = light.trace_through(parts)(parts.rays(rays))
-    expected = [by_numpy(system, lens, EVERYTHING, o, d) for o, d in zip(rays.origin.T, rays.direction.T)]
+    expected = [by_numpy(system, EVERYTHING, o, d) for o, d in zip(rays.origin.T, rays.direction.T)]
     found = np.column_stack([landing.x.numpy(), landing.y.numpy()])
     # as through one lens: heights of the third order in 2e-3 are left
     np.testing.assert_allclose(found, expected, atol=2e-7, rtol=0)
 
 
 def test_no_perturbation_leaves_the_path_as_it_is(backend):
-    system, lens = row(*SPREAD)
-    path, nominal = system.path(lens), PerturbedLight(system, lens, backend).parts(NOMINAL).path
+    system = row(*SPREAD)
+    path, nominal = (
+        system.path,
+        PerturbedLight(system, backend).parts(NOMINAL).path,
+    )
     assert nominal.media == path.media
     assert nominal.receiver == path.receiver
     for own, same in zip(path.surfaces, nominal.surfaces):
@@ -142,7 +145,7 @@ def prediction_errors(light, names=None):
 
 def test_the_change_by_a_fixed_mirror_is_predicted(backend):
     names = "L1.decentre_x", "M1.tilt_x", "M1.defocus", "target.defocus"
-    errors = prediction_errors(PerturbedLight(*row(*FOLDED, target={"pixels": (24, 24)}), backend), names)
+    errors = prediction_errors(PerturbedLight(row(*FOLDED, target={"pixels": (24, 24)}), backend), names)
     assert {*errors} == {*names}
     assert max(errors.values()) < 0.02
 
@@ -150,13 +153,13 @@ def test_the_change_by_a_fixed_mirror_is_predicted(backend):
 @pytest.mark.slow
 @pytest.mark.parametrize("elements", [FOLDED, SPREAD, BOTH], ids=["folded", "spread", "two free"])
 def test_the_change_by_every_tolerance_is_predicted(backend, elements):
-    errors = prediction_errors(PerturbedLight(*row(*elements), backend))
+    errors = prediction_errors(PerturbedLight(row(*elements), backend))
     assert len(errors) >= 25
     assert max(errors.values()) < 0.02, errors
 
 
 def test_each_element_has_its_tolerances_by_name():
-    system, _ = row(*SPREAD)
+    system = row(*SPREAD)
     amounts = {"L1.tilt": 0.7, "M1.face.power": 0, "L1.temperature": 0}
     found = {t.name: t.amount for t in tolerances_of(system, amounts)}
     placed = ["decentre_x", "decentre_y", "defocus", "tilt_x", "tilt_y"]
@@ -183,7 +186,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("amounts", "words"), WRONG)
 def test_what_an_element_cannot_have_is_one_sentence(amounts, words):
-    system, _ = row(*FOLDED)
+    system = row(*FOLDED)
     with pytest.raises(UserError, match=words) as error:
         tolerances_of(system, amounts)
     assert "\n" not in str(error.value)
@@ -199,7 +202,7 @@ def test_a_bowl_on_a_face_that_is_met_from_behind_is_another_power(backend):
     )
     faces = ["L2.front", "L2.rear:reflect", "L2.front", "M1"]
     place = {"position": (0, 36.4, 20), "tilt": (0, 0, 0)}
-    light = PerturbedLight(*row(*elements, path=({"faces": faces},), target=place), backend)
+    light = PerturbedLight(row(*elements, path=({"faces": faces},), target=place), backend)
     bowl, power = (
         Perturbation(others={"L2": errors})
         for errors in (ElementErrors(front_error=Bowl(0.01 / 80)), ElementErrors(front_power=0.01))
@@ -211,36 +214,39 @@ def test_a_bowl_on_a_face_that_is_met_from_behind_is_another_power(backend):
 
 
 def test_a_form_is_that_of_a_face_of_the_path():
-    system, lens = row(*SPREAD)
+    system = row(*SPREAD)
     band = (4.0, 10.0)
-    drawn = FormTolerance("L1.rear", 1e-5, band).drawn(system, lens, 3)
+    drawn = FormTolerance("L1.rear", 1e-5, band).drawn(system, 3)
     assert drawn.others["L1"].rear_error.half_width == SIZE
-    assert FormTolerance("M1.face", 1e-5, band).drawn(system, lens, 3).front_error.half_width == (20, 30)
+    assert FormTolerance("M1.face", 1e-5, band).drawn(system, 3).front_error.half_width == (
+        20,
+        30,
+    )
     with pytest.raises(UserError, match=r'one of "L1\.front" or "L1\.rear" or "M1\.face", got'):
-        FormTolerance("rear", 1e-5, band).drawn(system, lens, 3)
+        FormTolerance("rear", 1e-5, band).drawn(system, 3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("elements", "side"), [(FOLDED, "rear"), (SPREAD, "front")], ids=["lens", "mirror"])
 def test_a_made_element_of_a_row_gives_the_light_of_its_error(backend, elements, side):
     """That of its refitted surface is that of the designed one with the error itself, for 8000 points."""
-    system, lens = row(*elements, target={"pixels": (24, 24)})
-    designed, waves = getattr(lens, side), Waves(1e-3, 0.7)
+    system = row(*elements, target={"pixels": (24, 24)})
+    designed, waves = getattr(system.designed, side), Waves(1e-3, 0.7)
     x, y = np.random.default_rng(1).uniform(-1, 1, (2, 8000)) * np.reshape(designed.half_width, (2, 1))
     points = MeasuredPoints(np.stack([x, y, designed(x, y) + waves.jet(x, y)[0]]))
-    built = light_as_built(system, lens, points, backend, side, correct=False)
-    light = PerturbedLight(system, lens, backend)
+    built = light_as_built(system, points, backend, side, correct=False)
+    light = PerturbedLight(system, backend)
     (image, _), (wrong, _) = light(), light(Perturbation(**{f"{side}_error": waves}))
-    made, _ = PerturbedLight(system, built.lens, backend)()
+    made, _ = PerturbedLight(system.with_lens(built.lens), backend)()
     assert np.linalg.norm(made - wrong) < 0.02 * np.linalg.norm(wrong - image)
     assert built.known == 1
 
 
 def test_the_back_of_a_mirror_makes_no_light(backend):
-    system, lens = row(*SPREAD)
+    system = row(*SPREAD)
     points = MeasuredPoints(np.stack([*np.random.default_rng(1).uniform(-9, 9, (2, 400)), np.zeros(400)]))
     with pytest.raises(UserError, match=r"does not meet the back of element\.M1; take its front"):
-        light_as_built(system, lens, points, backend, "rear")
+        light_as_built(system, points, backend, "rear")
 
 
 @pytest.mark.slow
@@ -253,7 +259,7 @@ def test_a_lens_that_moves_into_the_light_of_a_mirror_takes_more_of_it(backend):
     near = {"position": (0, 0, height), "tilt": (30, 0, 0), "reflectance": 1.0, "face": FOLDED[1]["face"]}
     plate = LENS | {"rear": {"half_width": SIZE, "radius": np.inf, "conic": 0.0, "freeform": FREE}}
     place = {"position": (0, 30 * np.sqrt(3), height - 30), "tilt": (-120, 0, 0)}
-    light = PerturbedLight(*row(plate, MIRROR | near, height=0.0, target=place), backend)
+    light = PerturbedLight(row(plate, MIRROR | near, height=0.0, target=place), backend)
     for depth in (0.0, 0.5):
         _, fates = light(Perturbation(lens_shift=(0.0, 0.0, depth)))
         strip = 2 + depth * np.sqrt(3) / 2  # of 14 mm; the finest cells are a 2000th of it

@@ -2,7 +2,7 @@
 
 import pytest
 
-from optics.designing.starts import TransportStart, spot_lens
+from optics.designing.starts import TransportStart, spot_system
 from optics.light.blur import blur_of
 from tests.optics.cases import small_system
 
@@ -21,15 +21,15 @@ WALL = SUN | {
 def test_on_a_wall_it_is_a_coarse_start_and_across_the_axis_the_base_lens(backend, tmp_path):
     """A wall that the base lens meets far behind is blurred twice as wide there, and more."""
     across = small_system(tmp_path, SUN)
-    assert spot_lens(across, backend) is across.lens
+    assert spot_system(across, backend).designed is across.base
     wall = small_system(tmp_path, WALL)
     start = TransportStart(wall.sharp, backend)
-    designed = wall.lens.with_sags([start.fit(wall.lens.sags[-1].space.uniform(2)).sag])
+    designed = wall.base.with_sags([start.fit(wall.base.sags[-1].space.uniform(2)).sag])
     widths = [
-        blur_of(wall, wall.path(lens), backend).width
-        for lens in (designed, spot_lens(wall, backend), wall.lens)
+        blur_of(wall, wall.with_lens(lens).path, backend).width
+        for lens in (designed, spot_system(wall, backend).designed, wall.base)
     ]
     assert widths[1] == pytest.approx(widths[0], rel=0.05)
     assert widths[2] > 2 * widths[0]
     sharp = wall.sharp
-    assert spot_lens(sharp, backend) is sharp.lens
+    assert spot_system(sharp, backend).designed is sharp.base

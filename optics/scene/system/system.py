@@ -1,14 +1,12 @@
-"""What a problem describes, built once."""
+"""A problem and the shape of every element."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
 from itertools import islice, product
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -18,10 +16,10 @@ from optics.scene.photometry import Density
 from optics.scene.problem import Optic, Problem
 from optics.scene.receivers import Receiver
 from optics.scene.sources import LightSource, RayGrid, Rays
-from optics.scene.system.elements import base_lens, surface_of
+from optics.scene.system.elements import base_lens, clear_aperture_of, surface_of
 from optics.scene.system.lens_material import Wavelength, wavelengths_of, with_material
 from optics.scene.system.made_bodies import bodies_of, made_of, possible, whole_of
-from optics.scene.system.prescribed import Prescribed
+from optics.scene.system.prescribed import Prescribed, shared
 from optics.scene.system.source import Own, source_of
 from optics.scene.system.stops import stops_of
 from optics.scene.system.target import LightTarget, receiver_of
@@ -37,16 +35,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class OpticalSystem(Prescribed):
-    """Lens, sources and targets of a problem.  Every part is built when it is first asked for, and once.
+class System(Prescribed):
+    """A problem and the shape of every element: an immutable value.
 
     Sources, wavelengths and targets are tuples; a problem file names one source and one target today.
     `problem` is the one given, with numbers for what it leaves to the material of the lens.
-    own : what a script brings in place of the source and the receiver that the problem describes.
+
     aim : what the light of a sharp system is to be that stands for a blurred one, or that of one lens of a
         plate, see `blur.aimed`; None of other systems.
-    shapes : of other free elements than the one that is shaped by a transport map, by name, where they are
-        not as prescribed.
+    own : a script's own source and receiver, in place of those that the problem describes.
+    shapes : lenses or blanks by the names of their elements; an element without one is as prescribed.
 
     Raises UserError : nothing is known of the material.
     """
@@ -55,36 +53,98 @@ class OpticalSystem(Prescribed):
     own: Own = Own()
     shapes: Mapping[str, Lens] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, known: dict[str, Any] | None) -> None:
+        super().__post_init__(known)
         object.__setattr__(self, "problem", with_material(self.problem))
 
-    @cached_property
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), self.problem, self.aim, self.own, self.shapes)
+
+    def _with(self, **changes: Any) -> Self:
+        """Return the system with other fields, of the same class, which may have another constructor."""
+        other, own = object.__new__(type(self)), (f.name for f in fields(System) if f.init)
+        System.__init__(other, **{name: getattr(self, name) for name in own} | changes)
+        return other
+
+    # ---- shapes ----
+
+    @shared
     def base(self) -> Lens:
-        """The lens before optimisation: sags of zeros on the level-0 meshes.
+        """The designed element before optimisation: sags of zeros on the level-0 meshes.
 
         Raises UserError : the prescription makes no lens.
         """
         return base_lens(self.problem.optic)
 
     @property
-    def lens(self) -> Lens:
-        """Refuse to guess.
+    def designed(self) -> Lens:
+        """The lens, or the blank of a mirror, that is designed; `base` until it has another shape."""
+        return self.shapes.get(self.problem.optic.called) or self.base
 
-        Raises AttributeError : always.
-        """
-        raise AttributeError("base or designed? system.base is the lens before optimisation")
+    @shared
+    def _prescribed_others(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The other elements as prescribed."""
+        return tuple(
+            (optic, base_lens(optic)) for optic in self.problem.optics if optic is not self.problem.optic
+        )
 
-    @cached_property
-    def others(self) -> tuple[tuple[Optic, Lens], ...]:
-        """The other elements, with their lenses or blanks: the fixed ones, and those that have their shapes.
+    @property
+    def elements(self) -> tuple[tuple[Optic, Lens], ...]:
+        """All elements with their lenses or blanks, the designed one first.
 
         Raises UserError : a prescription makes no lens.
         """
-        return tuple(
-            (optic, self.shapes.get(optic.called) or base_lens(optic))
-            for optic in self.problem.optics
-            if optic is not self.problem.optic
-        )
+        others = ((optic, self.shapes.get(optic.called) or lens) for optic, lens in self._prescribed_others)
+        return (self.problem.optic, self.designed), *others
+
+    @property
+    def others(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The elements that are not designed, or have their shapes already, with their lenses or blanks."""
+        return self.elements[1:]
+
+    @property
+    def free_elements(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The elements with free surfaces in the order of the light; the designed one is the last."""
+        lenses = {optic.called: shape for optic, shape in self.elements}
+        return tuple((optic, lenses[optic.called]) for optic in self.problem.free_optics)
+
+    @property
+    def free_others(self) -> tuple[tuple[Optic, Lens], ...]:
+        """The elements with free surfaces before the designed one, in the order of the light."""
+        return self.free_elements[:-1]
+
+    @property
+    def free_surfaces(self) -> list[FreeformSurface]:
+        """The free surfaces of all elements in the order of the light."""
+        return [surface for _, shape in self.free_elements for surface in shape.free_surfaces]
+
+    @property
+    def sags(self) -> tuple[THBSurface, ...]:
+        """The sags of all elements in the order of the light, as `LightPath.sags`."""
+        return tuple(sag for _, shape in self.free_elements for sag in shape.sags)
+
+    def with_lens(self, lens: Lens) -> Self:
+        """Return the system with another shape of the designed element."""
+        return self.with_shapes({**self.shapes, self.problem.optic.called: lens})
+
+    def with_sags(self, sags: Sequence[THBSurface]) -> Self:
+        """Return the system with other sags of all free elements.
+
+        Raises ValueError : too few or too many sags.
+        """
+        rest, shapes = iter(sags), dict(self.shapes)
+        for optic, shape in self.free_elements:
+            shapes[optic.called] = shape.with_sags([*islice(rest, len(shape.sags))])
+        return self.with_shapes(shapes)
+
+    def with_shapes(self, shapes: Mapping[str, Lens]) -> Self:
+        """Return the system with these shapes alone; what follows from the prescription is not made again."""
+        return self._with(shapes=shapes, known=self.computed)
+
+    @property
+    def unshaped(self) -> Self:
+        """The system with every element as prescribed."""
+        return self.with_shapes({}) if self.shapes else self
 
     @property
     def backend(self) -> Backend:
@@ -98,6 +158,12 @@ class OpticalSystem(Prescribed):
         return load_backend("double", self.problem.run.threads)
 
     @property
+    def design_backend(self) -> Backend:
+        """The same in the precision in which the problem asks to design."""
+        precision = "single" if self.problem.run.precision == "single" else "double"
+        return load_backend(precision, self.problem.run.threads)
+
+    @property
     def axial(self) -> bool:
         """Whether it is a lens on the axis before a target across it, or before the far field around it."""
         return not self.problem.element and self.target.receiver.across_axis
@@ -106,56 +172,20 @@ class OpticalSystem(Prescribed):
         """Return a path of which a holder of the designed element leaves these of front and rear free."""
         return path.held({k: clear[face.face == "rear"] for k, face in self.own_faces.items()})
 
-    def own_path(self, lens: Lens) -> LightPath:
-        """Return the path through a lens in the lens's own frame."""
-        return self.path(lens).seen_from(self.pose)
+    @property
+    def own_path(self) -> LightPath:
+        """The path in the frame of the designed element."""
+        return self.path.seen_from(self.pose)
 
-    def own_rays(self, rays: Rays | RayGrid, lens: Lens) -> Rays:
-        """Return rays one by one in the lens's own frame; those of a grid start well before the lens."""
-        single = rays.rays(self.path(lens).before)
+    def own_rays(self, rays: Rays | RayGrid) -> Rays:
+        """Return single rays in the frame of the designed element; those of a grid start well before it."""
+        single = rays.rays(self.path.before)
         return single.posed(self.pose.inverse())
 
-    def free_elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
-        """Return the elements with free surfaces in the order of the light; `lens` is the last."""
-        lenses = {optic.called: shape for optic, shape in self.elements(lens)}
-        return tuple((optic, lenses[optic.called]) for optic in self.problem.free_optics)
-
     @property
-    def free_others(self) -> tuple[tuple[Optic, Lens], ...]:
-        """The elements with free surfaces that light meets before the last, in the order of the light."""
-        return self.free_elements(self.base)[:-1]
-
-    def free_surfaces(self, lens: Lens) -> list[FreeformSurface]:
-        """Return the free surfaces of all elements in the order of the light."""
-        return [surface for _, shape in self.free_elements(lens) for surface in shape.free_surfaces]
-
-    def sags(self, lens: Lens) -> tuple[THBSurface, ...]:
-        """Return the sags of all elements in the order of the light, as `LightPath.sags`."""
-        return tuple(sag for _, shape in self.free_elements(lens) for sag in shape.sags)
-
-    def with_sags(self, lens: Lens, sags: Sequence[THBSurface]) -> tuple[OpticalSystem, Lens]:
-        """Return the system and the lens with other sags.
-
-        Raises ValueError : too few or too many sags.
-        """
-        rest, shapes = iter(sags), dict[str, Lens]()
-        for optic, shape in self.free_elements(lens):
-            shapes[optic.called] = shape.with_sags([*islice(rest, len(shape.sags))])
-        lens = shapes.pop(self.problem.optic.called)
-        return (self.shaped_as(shapes) if shapes else self), lens
-
-    def shaped_as(self, shapes: Mapping[str, Lens]) -> OpticalSystem:
-        """Return the system with other `shapes`; what does not depend on them is not made again."""
-        other = copy(self)
-        other.__dict__["shapes"] = shapes
-        for made in ("others", "sharp"):
-            other.__dict__.pop(made, None)
-        return other
-
-    @property
-    def plain(self) -> OpticalSystem:
-        """The same of the problem alone, without what was made of it: for other processes."""
-        return OpticalSystem(self.problem, shapes=self.shapes)
+    def clear_aperture(self) -> tuple[Outline, Outline] | None:
+        """What a holder leaves free of front and rear of the designed element; None is all."""
+        return clear_aperture_of(self.problem.optic, self.designed)
 
     @property
     def density(self) -> Density:
@@ -173,31 +203,35 @@ class OpticalSystem(Prescribed):
         return self.source.diverging or (any(self.slope_rms) and not self.source.extended)
 
     @property
-    def shaping(self) -> OpticalSystem:
+    def shaping(self) -> Self:
         """The system whose light a design traces: what blurs or displaces it is a convolution."""
         return self.sharp if self.blurred or (self.displaced and self.aim is None) else self
 
-    @cached_property
-    def sharp(self) -> OpticalSystem:
+    @property
+    def sharp(self) -> Self:
         """The system without the divergence of its beam and without roughness.
 
         Where it stands for a blurred one, or for the lenses of a plate, it aims at the target itself, as long
         as nothing is known of the blur.
         """
+        return self._sharp.with_shapes(self.shapes)
+
+    @shared
+    def _sharp(self) -> Self:
         if not self.blurred:
-            return replace(self, aim=self.target if self.displaced else None)
+            return self.with_prescription(aim=self.target if self.displaced else None)
         optic, source = self.problem.optic, self.problem.source
         smooth = {name: replace(getattr(optic, name), slope_rms=0.0) for name in ("front", "rear")}
         if self.source.diverging:
             source = replace(source, divergence=0.0, divergence_profile="uniform")
         problem = replace(self.problem.with_optic(**smooth), source=source)
-        return replace(self, problem=problem, aim=self.target)
+        return self.with_prescription(problem=problem, aim=self.target)
 
-    @cached_property
+    @shared
     def sources(self) -> tuple[LightSource, ...]:
         return (self.own.source or source_of(self.problem),)
 
-    @cached_property
+    @shared
     def wavelengths(self) -> tuple[Wavelength, ...]:
         """At which light is measured: the lines of the spectrum, or the source's own wavelength.
 
@@ -205,30 +239,32 @@ class OpticalSystem(Prescribed):
         """
         return wavelengths_of(self.problem)
 
-    @cached_property
+    @shared
     def targets(self) -> tuple[LightTarget, ...]:
         target = self.problem.target
         receiver = self.own.receiver or receiver_of(target, self.problem.optic.thickness)
         return (LightTarget(target, receiver, self.passing if target.kind == "zones" else 1.0),)
 
-    @cached_property
+    @shared
     def stops(self) -> tuple[Stop, ...]:
         """What blocks light beside the lens, in the frame of its front vertex."""
         return stops_of(self.problem)
 
-    def solid(self, lens: Lens) -> Solid:
-        """Return what one lens is made as: itself, or a body as `moulded`, which also raises."""
-        return made_of(self.problem.optic, lens)
+    @property
+    def solid(self) -> Solid:
+        """What one lens is made as: itself, or a body as `moulded`, which also raises."""
+        return made_of(self.problem.optic, self.designed)
 
-    def as_possible(self, lens: Lens) -> tuple[OpticalSystem, str]:
-        """Return the system with the body that a lens can have, and why it has not the whole one, as
+    def as_possible(self) -> tuple[Self, str]:
+        """Return the system with the body that its lens can have, and why it has not the whole one, as
         `possible`."""
-        problem, unfit = possible(self.problem, lens)
-        return replace(self, problem=problem) if unfit else self, unfit
+        problem, unfit = possible(self.problem, self.designed)
+        return self.with_prescription(problem=problem) if unfit else self, unfit
 
-    def made(self, lens: Lens) -> Made:
-        """Return the solid of its file: as `solid`, or a plate with as many of them as it has."""
-        return whole_of(self.problem.optic, lens)
+    @property
+    def made(self) -> Made:
+        """The solid of its file: as `solid`, or a plate with as many of them as it has."""
+        return whole_of(self.problem.optic, self.designed)
 
     @property
     def source(self) -> LightSource:
@@ -247,22 +283,28 @@ class OpticalSystem(Prescribed):
         """What transport, and the first of two stages of a blurred system, shape light to."""
         return self.aim or self.target
 
-    def elsewhere(self, problem: Problem) -> OpticalSystem:
+    def with_prescription(self, **changes: Any) -> Self:
+        """Return the system with another problem, aim or own source and receiver; shapes stay."""
+        return self._with(**changes)
+
+    def elsewhere(self, problem: Problem) -> Self:
         """Return the system of a problem that differs in where things lie; lens and picture are not made
         again."""
-        other = replace(self, problem=problem)
-        other.__dict__["base"] = self.base
-        other.target.__dict__["light"] = self.target.light
-        return other
+        other = self._with(problem=problem, known={"base": self.base})
+        return other.with_target(replace(other.target, given=self.target.light))
 
-    def paths(self, lens: Lens) -> tuple[LightPath, ...]:
-        """Return the paths of the source's own wavelength over all elements, one to each target.
+    def with_target(self, target: LightTarget) -> Self:
+        """Return the system with another target than the problem describes."""
+        return self._with(known={**self.computed, "targets": (target,)})
 
-        lens : the element that is designed, of whatever shape and index; the others are as the problem has
-            them.
+    @property
+    def paths(self) -> tuple[LightPath, ...]:
+        """The paths of the source's own wavelength over all elements, one to each target.
+
+        The designed element may have whatever shape and index.
         """
         faces, media = self.problem.faces_met, [*self.media_at(self.problem.source.wavelength)]
-        lenses = {id(optic): blank for optic, blank in self.elements(lens)}
+        lenses = {id(optic): blank for optic, blank in self.elements}
         for k, face in enumerate(faces, 1):
             if face.into_glass:
                 media[k] = replace(media[k], index=lenses[id(face.optic)].index)
@@ -275,29 +317,28 @@ class OpticalSystem(Prescribed):
             for target in self.targets
         )
 
-    def path(self, lens: Lens) -> LightPath:
-        """Return the path through a lens, where there is one."""
-        (path,) = self.paths(lens)
+    @property
+    def path(self) -> LightPath:
+        """The path of the light, where there is one."""
+        (path,) = self.paths
         return path
 
-    def elements(self, lens: Lens) -> tuple[tuple[Optic, Lens], ...]:
-        """Return all elements with their lenses or blanks.  lens : of the one that is designed."""
-        return (self.problem.optic, lens), *self.others
-
-    def shaded_path(self, lens: Lens) -> LightPath:
-        """Return the path through a lens, among the bodies of all elements and a plane screen.
+    @property
+    def shaded_path(self) -> LightPath:
+        """The path among the bodies of all elements and a plane screen.
 
         A lens on the axis before a target across it has none in the way.
         """
-        return self.path(lens) if self.axial else self.crowded_path(lens)
+        return self.path if self.axial else self.crowded_path
 
-    def crowded_path(self, lens: Lens) -> LightPath:
-        """Return the path through a lens among all bodies, also where its own light cannot meet any."""
-        bodies = bodies_of(self.problem.faces_met, self.elements(lens), self.target)
+    @property
+    def crowded_path(self) -> LightPath:
+        """The path among all bodies, also where its own light cannot meet any."""
+        bodies = bodies_of(self.problem.faces_met, self.elements, self.target)
         emitted = -self.problem.source.distance if self.source.from_afar else -inf
-        return replace(self.path(lens), bodies=bodies, emitted=emitted)
+        return replace(self.path, bodies=bodies, emitted=emitted)
 
-    @cached_property
+    @shared
     def parallel(self) -> bool:
         """Whether rays stay parallel to z up to the rear: a collimated source before a plane front."""
         return self.lens_on_axis and self.source.collimated and self.base.front.is_plane
@@ -319,7 +360,7 @@ class OpticalSystem(Prescribed):
         return self.lone_lens and self.problem.optic.array is None
 
     @property
-    def with_all_sources(self) -> OpticalSystem:
+    def with_all_sources(self) -> Self:
         """The system whose source has the flux of all sources of a plate, which lie behind like lenses.
 
         Raises UserError : a plate behind a source of a script.
@@ -357,7 +398,14 @@ class OpticalSystem(Prescribed):
         places = product(*self.columns_and_rows)
         return tuple(self.target.receiver.seen_from(Pose.at((x, y, 0.0))) for x, y in places)
 
-    @cached_property
+    @shared
     def skips(self) -> tuple[Skip, ...]:
         """What tracing leaves out."""
         return tuple(skips(self.problem, self.source, self.parallel))
+
+
+def _restored(kind: type[System], *values: Any) -> System:
+    """Return a system of a class from the fields that are pickled."""
+    system = object.__new__(kind)
+    System.__init__(system, *values)
+    return system
