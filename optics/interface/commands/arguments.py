@@ -253,11 +253,22 @@ def _body_options(command: CommandParser) -> None:
 
 
 def _trace_options(command: CommandParser) -> None:
-    command.add_argument("result", metavar="RESULT", help="result folder of a design")
-    command.option("--rays", "N", "N x N rays (default: 513)", type=int, default=513)
-    command.choice(
-        "--precision", ("double", "single"), "of the sequential trace (default: double)", default="double"
+    command.add_argument(
+        "result",
+        metavar="RESULT",
+        help="result folder, problem.toml, or with --source the STEP file of a lens",
     )
+    command.option(
+        "--source",
+        "LIGHT",
+        "the light of a lens: sun, led:SIZEmm, FILE.ies, FILE.ldt (also @DISTANCEmm), or a problem",
+    )
+    command.option("--at", "MM", "from the rear of that lens to a screen (default: 100)", type=float)
+    command.option("--material", "NAME", "of that lens (default: PMMA)")
+    command.option("--index", "N", "of that lens, in place of its material", type=float)
+    command.switch("--turn", "light meets the other side of that lens first")
+    command.option("--rays", "N", "N x N rays (default: 513)", type=int)
+    command.choice("--precision", ("double", "single"), "of the sequential trace (default: double)")
     command.out("DIR", "folder to write (default: RESULT/trace)")
 
 
@@ -292,7 +303,7 @@ COMMANDS: dict[str, tuple[str, Callable[[CommandParser], None]]] = {
         pack_options,
     ),
     "trace": (
-        "trace a result again: losses, stray paths, phase space",
+        "trace a result, a problem, or a lens from a STEP file",
         _trace_options,
     ),
     "etendue": (

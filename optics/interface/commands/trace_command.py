@@ -12,10 +12,12 @@ from optics.base.runtime import UserError, load_backend
 from optics.designing.prediction import diffraction_of
 from optics.exchange.results import ResultFolder, require_own, writable_folder, write_recorded
 from optics.interface.commands.outcome import Outcome
+from optics.interface.relighting import lens_in_light, screen_words
 from optics.light.analysis import (
     conservation,
     crosstalk,
     crosstalk_line,
+    measure,
     nonsequential,
     passing_words,
     polarisation_change,
@@ -27,12 +29,23 @@ from optics.light.analysis import (
 from optics.light.tracing import SENTENCES, fate_sentences, path_faults
 from optics.reporting.report import light_files
 from optics.scene.photometry import Units
-from optics.scene.system import System
+from optics.scene.system import System, load_system
 from thbcad.checks import Floats
 
-MOST_RAYS = 1 << 15  # per direction
+MOST_RAYS, RAYS = 1 << 15, 513  # per direction
+AWAY, GLASS = 100.0, "PMMA"  # mm to the screen, and the material, of a lens in given light
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
 RECORD = "trace.json"
+SHOWN = 5e-4  # of the light: smaller losses are not printed
+ENDS = {  # of the light through front and rear, by fates
+    "reach": ("on_target",),
+    "is reflected": ("front_reflected", "rear_reflected", "total_internal"),
+    "is absorbed": ("absorbed",),
+    "is blocked": ("blocked",),
+    "misses the lens": ("beside_lens",),
+    "meets an edge": ("missed_rear",),
+    "misses the screen": ("off_target",),
+}
 FILES = ("irradiance.npz", "irradiance_16bit.png", "irradiance.png")
 OF_LENS = ("fresnel.png",)  # of a lens on the axis
 PHASE_SPACE = ("phase_space.png",)  # of such a lens with one source, on the axis too
@@ -40,14 +53,17 @@ DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
 
 
 def trace(options: Namespace) -> Outcome:
-    """Trace the element of a result folder and report where its light goes.
+    """Trace a result, a problem or a lens in given light, and report where the light goes.
 
     Phase space is that of a lens on the axis, light by other ways that of any lens.
     """
-    if not 8 <= options.rays <= MOST_RAYS:
-        raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {options.rays}")
-    system = ResultFolder(options.result).read().system
-    folder = Path(options.out or Path(options.result) / "trace")
+    count = RAYS if options.rays is None else options.rays
+    if not 8 <= count <= MOST_RAYS:
+        raise UserError(f"--rays must lie between 8 and {MOST_RAYS} per direction, got {count}")
+    _require_effects(options)
+    system, folder = _system(options), _folder(options)
+    if folder is None:
+        return _answered(system)
     writable_folder(folder)
     alone = system.lens_on_axis and system.problem.source.lone
     own_files = *OF_LENS * system.lens_on_axis, *PHASE_SPACE * alone
@@ -55,11 +71,11 @@ def trace(options: Namespace) -> Outcome:
     require_own(folder, (*files, RECORD), RECORD, options.force)
     from optics.reporting.figures import fresnel_figure, phase_space_figure  # matplotlib
 
-    backend = load_backend(options.precision, system.problem.run.threads)
-    exact = backend if options.precision == "double" else system.backend
+    backend = load_backend(options.precision or "double", system.problem.run.threads)
+    exact = backend if options.precision != "single" else system.backend
     start = perf_counter()
     every = system.with_all_sources
-    image, fates, counts = sequential(every, backend, options.rays)
+    image, fates, counts = sequential(every, backend, count)
     seconds = perf_counter() - start
     contents = _light_contents(every, image, fates.transmitted)
     rays = system.own_rays(system.source.rays(TRIED))
@@ -82,6 +98,69 @@ def trace(options: Namespace) -> Outcome:
         lines.append(f"diffraction: {waves.sentence(system.target.unit)}")
     write_recorded(folder, RECORD, data, contents)
     return Outcome(data, [*lines, f"wrote {folder}"])
+
+
+def _require_effects(options: Namespace) -> None:
+    """Refuse options that have no effect together.
+
+    Raises UserError : names them.
+    """
+    given = {f"--{name}" for name in ("at", "material", "index") if getattr(options, name) is not None}
+    if options.turn:
+        given.add("--turn")
+    if given and not options.source:
+        raise UserError(f"{' and '.join(sorted(given))} have no effect without --source; leave them out")
+    if {"--material", "--index"} <= given:
+        raise UserError("--material and --index both give the index of the lens; leave one out")
+    if options.source and not options.out and (options.rays or options.precision):
+        raise UserError("--rays and --precision have no effect on the one line of --source; add --out DIR")
+
+
+def _system(options: Namespace) -> System:
+    """Return the system of a result folder or a problem file, or a lens of any file in given light."""
+    path = Path(options.result)
+    if options.source:
+        if path.suffix.lower() == ".toml":
+            raise UserError(
+                f"--source goes with the file of a lens, and {path} is a problem with its own source"
+            )
+        glass = {"material": options.material or GLASS} if options.index is None else {"index": options.index}
+        away = AWAY if options.at is None else options.at
+        return lens_in_light(path, options.source, away, glass, options.turn)
+    if path.suffix.lower() == ".toml":
+        return load_system(path, to_design=False)
+    if path.is_file():
+        raise UserError(f"a lens needs light: add --source to {path}, such as --source led:1mm")
+    return ResultFolder(path).read().system
+
+
+def _folder(options: Namespace) -> Path | None:
+    """Return where to write; None where one line answers."""
+    if options.out or not options.source:
+        return Path(options.out or Path(options.result).with_suffix("") / "trace")
+    return None
+
+
+def _answered(system: System) -> Outcome:
+    """Return what light a lens makes, in one line."""
+    found = measure(system, system.backend).metrics
+    units, flux = system.units, system.problem.flux
+    fates = found[units.key("fates")]
+    shares = {
+        words: sum(light for name, light in fates.items() if name in names) / flux
+        for words, names in ENDS.items()
+    }
+    through, *lost = (
+        f"{100 * share:.1f} % {words}"
+        for words, share in shares.items()
+        if share >= SHOWN or words == "reach"
+    )
+    ghosts = 100 * found.get("nonsequential", {}).get("by_other_ways", 0.0)
+    line = (
+        f"{system.problem.title}: of {flux:.4g} {units.flux}, {through} {screen_words(system.problem)}; "
+        f"{', '.join(lost) or 'nothing is lost'}; ghosts are {ghosts:.1f} % of the light there"
+    )
+    return Outcome(found, [line])
 
 
 def _left_out(system: System) -> list[str]:

@@ -4,7 +4,7 @@ from thbcad.doors import TYPE_CHECKING, lazy_door
 
 if TYPE_CHECKING:
     from .explored_light import ExploredLight, Explorer
-    from .lens_files import given_system
+    from .lens_files import given_system, lens_in_light, screen_words
     from .lens_in_problem import given_lens
     from .other_light import other_source, relit
     from .slider_box import sliders

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,10 @@ import numpy as np
 
 from optics.base.runtime import UserError, note, reading
 from optics.interface.relighting.lens_in_problem import given_lens
+from optics.interface.relighting.other_light import other_source
 from optics.light.outgoing import outgoing_rays
-from optics.scene.problem import Problem, load_problem
-from optics.scene.system import System, solvable_system
+from optics.scene.problem import LensSpec, Problem, Source, Target, Verify, load_problem
+from optics.scene.system import System, solvable_system, traceable_system
 from thbcad.io import read_lens
 from thbcad.lens import Lens
 
@@ -67,7 +69,48 @@ def given_system(
     problem, lens = given_lens(problem, lens)
     if "target" in left_out:
         problem = _on_screen(problem, lens)
+        place = screen_words(problem)
+        note(f"the problem has no [target], so that no light is requested: it falls on {place}; add [target]")
     return solvable_system(problem).with_lens(lens)
+
+
+def lens_in_light(
+    lens_file: str | Path, source: str, away: float, glass: Mapping[str, Any], turn: bool
+) -> System:
+    """Return the system of a lens from a file in given light, before a screen that holds most of the light.
+
+    lens_file, turn : as of `given_system`.  source : words as of `other_source`.
+    away : mm from the rear of the lens to the screen.
+    glass : "index", or "material", which a lens.json does not need.
+
+    Raises UserError : a file that holds no lens or no light, or a place that does not suit.
+    """
+    found = _read(Path(lens_file), turn)
+    tables: dict[str, Any] = {
+        name: {"half_width": [float(h) for h in getattr(found, name).half_width]}
+        for name in ("front", "rear")
+    }
+    tables |= {"index": found.index} if isinstance(found, Lens) else glass
+    problem = Problem(
+        title=Path(lens_file).name,
+        source=Source(kind="point"),
+        lens=LensSpec(thickness=float(found.thickness), **tables),
+        target=Target(**SCREEN, distance=away, half_width=(NARROW * away,) * 2),
+        verify=Verify(**{name.split(".")[1]: limit for name, limit in NO_LIMITS.items()}),
+    )
+    other_source(source, problem)  # refuses other words before the lens is fitted
+    problem, lens = given_lens(problem, found if isinstance(found, Lens) else _refitted(found, problem))
+    light = other_source(source, problem)
+    if light.kind == "luminaire":  # whose file has a flux of its own
+        light = replace(light, flux=0.0, unit="lm")
+    problem = _on_screen(replace(problem, source=light), lens)
+    return traceable_system(problem).with_lens(lens)
+
+
+def screen_words(problem: Problem) -> str:
+    """Return where the screen of a problem stands, and its size."""
+    x, y = (2 * h for h in problem.target.half_width)
+    return f"a screen of {x:.4g} x {y:.4g} mm, {problem.target.distance:g} mm after the lens"
 
 
 def _read(path: Path, turn: bool) -> Lens | ForeignLens:
@@ -143,18 +186,14 @@ def _in_place(problem: Problem, found: ForeignLens) -> Problem:
 
 
 def _on_screen(problem: Problem, lens: Lens) -> Problem:
-    """Return a problem with a screen that holds the light of its lens, and say where it stands."""
-    system = solvable_system(problem).with_lens(lens)
+    """Return a problem with a screen that holds the light of its lens."""
+    system = traceable_system(problem).with_lens(lens)
     rays = outgoing_rays(system, system.backend, RAYS, "target")
     away = float(problem.target.distance or 0.0)
     reach = np.abs(rays.position[:, :2].astype(float))
     arrives = np.isfinite(reach).all(axis=1) & (rays.flux > 0)
     size = [_quantile(reach[arrives, axis], rays.flux[arrives]) for axis in (0, 1)]
     half = [min(max(MARGIN * s, away * 1e-3), WIDEST * away) for s in size]
-    note(
-        f"the problem has no [target], so that no light is requested: it falls on a screen {away:g} mm "
-        f"after the lens, {2 * half[0]:.4g} x {2 * half[1]:.4g} mm; add [target] for another"
-    )
     return problem.with_(**{"target.half_width": half})
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         freedom_of,
     )
     from optics.scene.problem.problem_record import Problem, load_problem
+    from optics.scene.problem.required_optics import require_free
     from optics.scene.problem.run_schema import (
         OF_PICTURES,
         OF_UNIFORM,

@@ -22,7 +22,7 @@ def require_optic(optic: Optic, shaped: bool) -> None:
     if isinstance(optic, LensSpec):
         _require_glass(optic)
     if shaped:
-        _require_free(optic)
+        _require_base(optic)
     else:
         _require_numbers(optic)
     _require_outline(optic)
@@ -79,13 +79,22 @@ def _require_glass(lens: LensSpec) -> None:
     require_rows(lens.key("absorptions"), lens.absorptions, 0.0, 1e3)
 
 
-def _require_free(optic: Optic) -> None:
-    """Refuse an element without a surface to design, and a fixed one whose base is left to the program."""
+def require_free(optic: Optic) -> None:
+    """Refuse an element without a surface to design.
+
+    Raises UserError : names the key.
+    """
     if not optic.free:
         mirror = isinstance(optic, MirrorElement)
         fixed = optic.key("front.freeform" if mirror else "rear.freeform")
         remedy = "leave it out" if mirror else f"add the table {optic.key('front.freeform')}"
-        raise UserError(f"{fixed} = false leaves no surface to design; {remedy}")
+        raise UserError(
+            f"{fixed} = false leaves no surface to design; {remedy}, or trace it as it is by `thbcad trace`"
+        )
+
+
+def _require_base(optic: Optic) -> None:
+    """Refuse a fixed rear whose base is left to the program."""
     if optic.rear.freeform is None and AUTO in (optic.rear.radius, optic.rear.conic):
         raise UserError(
             f"{optic.key('rear.radius')} and {optic.key('rear.conic')} must be numbers with "

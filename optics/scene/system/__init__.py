@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     )
     from optics.scene.system.prescribed import shared
     from optics.scene.system.reach import can_be_lit, require_lens_on_axis, require_light_of_one_lens
-    from optics.scene.system.soundness import advice, load_system, solvable_system
+    from optics.scene.system.soundness import advice, load_system, solvable_system, traceable_system
     from optics.scene.system.source import Own, source_frames, source_of
     from optics.scene.system.system import System as System
     from optics.scene.system.target import LightTarget, target_irradiance

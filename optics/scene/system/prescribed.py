@@ -122,8 +122,8 @@ class Prescribed:
 
     @property
     def shaped(self) -> str:
-        """The surface that a transport map shapes, "rear" or "front": the last one that is free."""
-        return [*self.problem.optic.free][-1]
+        """The surface that a transport map shapes, "rear" or "front": the last one that is free, or met."""
+        return [*(self.problem.optic.free or [face.face for face in self.own_faces.values()])][-1]
 
     @property
     def slope_rms(self) -> tuple[float, ...]:

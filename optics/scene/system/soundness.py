@@ -11,7 +11,7 @@ import numpy as np
 
 from optics.base.runtime import UserError, speaking_of
 from optics.scene.limits import limit_advice, require_limits
-from optics.scene.problem import OF_PICTURES, OF_UNIFORM, Problem, freedom_of, load_problem
+from optics.scene.problem import OF_PICTURES, OF_UNIFORM, Problem, freedom_of, load_problem, require_free
 from optics.scene.system.lens_material import require_one_glass, with_material
 from optics.scene.system.made_parts import volume_of_made
 from optics.scene.system.reach import (
@@ -31,25 +31,39 @@ SAME_FLUX = 1e-9  # relative, of rounding
 CONIC_SLOPE = 2e-9  # about the slope error of a conic's spline that is within 1e-11 mm in height
 
 
-def load_system(path: str | Path, changes: Mapping[str, object] | None = None) -> System:
-    """Return the System of a problem file that can be solved.
+def load_system(
+    path: str | Path, changes: Mapping[str, object] | None = None, to_design: bool = True
+) -> System:
+    """Return the System of a problem file that can be designed, or traced.
 
     changes : {dotted key: value}, in place of what the file says.
 
-    Raises UserError : see `load_problem` and `solvable_system`; it names the file.
+    Raises UserError : see `load_problem`, `solvable_system` and `traceable_system`; it names the file.
     """
     problem = load_problem(path, changes)
     with speaking_of(path):
-        return solvable_system(problem)
+        return solvable_system(problem) if to_design else traceable_system(problem)
 
 
 def solvable_system(problem: Problem, own: Own = NOTHING) -> System:
-    """Return the System of a problem that can be solved.  own : see there.
+    """Return the System of a problem that can be designed.  own : see there.
+
+    Raises UserError : as `traceable_system`; no free surface, limits of light that is not requested, a target
+        that no lens can light.
+    """
+    require_free(problem.optic)
+    system = traceable_system(problem, own)
+    require_judged(system)
+    require_reachable(system)
+    return system
+
+
+def traceable_system(problem: Problem, own: Own = NOTHING) -> System:
+    """Return the System of a problem that can be traced; it may have no free surface.  own : see there.
 
     Raises UserError : limits that contradict each other, a prescription that makes no lens, a picture that
-        cannot be read, a source or a target that lies in the lens, a target that no lens can light, from
-        before or at all, a material that is not known, a lens with two indices, a stop in the lens, before
-        the source or behind the target, blur of a row of elements, limits of light that is not requested.
+        cannot be read, a source or a target that lies in the lens, a material that is not known, a lens with
+        two indices, a stop in the lens, before the source or behind the target, blur of a row of elements.
     """
     made_of = with_material(problem)
     require_one_glass(made_of)
@@ -71,9 +85,7 @@ def solvable_system(problem: Problem, own: Own = NOTHING) -> System:
     start = system.unshaped.path.before if system.source.collimated else -np.inf
     require_places(problem, system.unshaped.elements, system.stops, start)
     require_light(system)
-    require_judged(system)
     require_sharp(system)
-    require_reachable(system)
     return system
 
 

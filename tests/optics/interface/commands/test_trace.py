@@ -10,8 +10,11 @@ from optics.exchange.results import ResultFolder
 from optics.light.analysis import measure, sequential
 from optics.scene.problem import Problem
 from optics.scene.system import System
-from tests.optics.cases import store_result
+from tests.optics.cases import FREE_REAR, store_result, write_problem
 from tests.optics.interface.commands.cases import refused, run
+from thbcad import Lens, write_step
+from thbcad.lens import FreeformSurface
+from thbcad.sags import Conic
 
 EXTENDED = {
     "source.kind": "lambertian",
@@ -147,3 +150,54 @@ def test_a_far_field_is_traced_by_all_ways_too(capsys, stored):
 def test_a_number_of_rays_out_of_range_is_refused(capsys, stored, rays):
     said = refused(capsys, "trace", stored(), "--rays", rays)
     assert "--rays must lie between 8 and 32768" in said
+
+
+@pytest.fixture(scope="module")
+def strange_lens(tmp_path_factory):
+    """The STEP file of a plano-convex lens, 4 mm thick, as another program may have written it."""
+    rear = FreeformSurface((10.0, 10.0), Conic(-40.0, 0.0))
+    path = tmp_path_factory.mktemp("theirs") / "theirs.step"
+    write_step(Lens(FreeformSurface((10.0, 10.0)), rear, 6.0, 1.6), path)
+    return path
+
+
+def test_one_line_says_what_light_a_lens_makes(capsys, strange_lens):
+    """As `measure` of the same scene; what does not reach the screen is accounted for."""
+    words = "trace", strange_lens, "--source", "led:1mm@12mm", "--at", 50, "--index", 1.5
+    found = json.loads(run(capsys, *words, "--json").out)
+    assert sum(found["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
+    (line,) = run(capsys, *words).out.splitlines()
+    through = float(re.search(r"([0-9.]+) % reach a screen of [0-9.]+ x [0-9.]+ mm, 50 mm", line)[1])
+    assert through == pytest.approx(100 * found["fates_w"]["on_target"], abs=0.051)
+    lost = [float(x) for x in re.findall(r"([0-9.]+) % (?:is|misses|meets)", line)]
+    assert through + sum(lost) == pytest.approx(100, abs=0.3)
+    turned = json.loads(run(capsys, *words, "--turn", "--json").out)
+    assert turned["fates_w"]["on_target"] != found["fates_w"]["on_target"]
+    bk7 = json.loads(run(capsys, *words[:-2], "--material", "N-BK7", "--json").out)
+    assert bk7["fates_w"]["front_reflected"] > found["fates_w"]["front_reflected"]
+
+
+def test_a_problem_without_a_free_face_is_traced(capsys, tmp_path):
+    path = write_problem(tmp_path, {"lens.rear.freeform": False}, drop=FREE_REAR)
+    done = run(capsys, "trace", path, "--rays", 16, "--out", tmp_path / "traced", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["efficiency"] == pytest.approx(0.92, abs=0.01)
+    assert (tmp_path / "traced" / "irradiance.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "a lens needs light: add --source"),
+        (["--at", "50", "--turn"], "--at and --turn have no effect without --source"),
+        (
+            ["--source", "sun", "--index", "1.5", "--material", "PC"],
+            "--material and --index both give the index",
+        ),
+        (["--source", "sun", "--rays", "64"], "--rays and --precision have no effect on the one line"),
+        (["--source", "moon"], '--source must be "sun", "led:SIZEmm"'),
+        (["--source", "led:1mm", "--at", "-3"], "target.distance must be"),
+    ],
+)
+def test_what_a_lens_in_light_needs_is_said(capsys, strange_lens, options, words):
+    assert words in refused(capsys, "trace", strange_lens, *options)

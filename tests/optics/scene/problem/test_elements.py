@@ -66,7 +66,6 @@ def test_a_key_is_set_by_the_name_of_its_table(mirror, text, value):
         ({"element.M1.reflectance": "gold"}, "element[0].reflectance must be one of 'aluminium'"),
         ({"element.M1.name": ""}, "element[0].name is missing"),
         ({"element.M1.name": "1"}, "element[0].name must begin with a letter"),
-        ({"element.M1.face.freeform": False}, "element.M1.face.freeform = false leaves no surface to design"),
         ({"element.M1.face.half_width": (0, 1)}, "element[0].face.half_width[0] must be at least 1e-06"),
         ({"element.M1.outline": "round", "element.M1.face.half_width": (9, 10)}, "element.M1.outline"),
         (

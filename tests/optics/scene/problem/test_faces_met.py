@@ -121,7 +121,6 @@ def test_a_reflection_inside_turns_the_light_until_it_leaves():
             None,
             "element.L1.front.radius and element.L1.front.conic must be numbers",
         ),
-        ([FIXED], None, "element.L1.rear.freeform = false leaves no surface to design"),
     ],
 )
 def test_a_path_that_light_cannot_take_is_one_sentence(elements, faces, words):
