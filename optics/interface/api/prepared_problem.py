@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from inspect import signature
 
 from optics.base.runtime import Backend, UserError
 from optics.designing.prediction import resolved
@@ -59,6 +60,8 @@ def engine_of(
     if not isinstance(engine, str):
         if not hasattr(engine, "model"):
             raise UserError(f"engine must be a name or have the method model, got {engine!r}")
+        if len(signature(engine.model).parameters) != len(signature(ExactEngine.model).parameters) - 1:
+            raise UserError("the method model of an engine takes (system, film); the lens is system.designed")
         return engine
     if engine not in ENGINES:
         raise UserError(f"engine must be one of {', '.join(map(repr, ENGINES))}, got {engine!r}")

@@ -175,6 +175,13 @@ def test_models_may_be_called_from_several_threads(tmp_path):
     assert [found[k] for k in range(3)] == wanted
 
 
+class OldEngine:
+    """An engine whose model takes a lens too, as before `System.designed`."""
+
+    def model(self, system, lens, film):
+        raise AssertionError
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -193,6 +200,7 @@ def test_models_may_be_called_from_several_threads(tmp_path):
         (lambda s, m, c: s.model(s.space(), window="box"), "window must be one of 'cells', 'pixel'"),
         (lambda s, m, c: s.model(s.space(), engine="magic"), "engine must be one of 'exact'"),
         (lambda s, m, c: s.model(s.space(), engine=3), "engine must be a name or have the method model"),
+        (lambda s, m, c: s.model(s.space(), engine=OldEngine()), r"takes \(system, film\); the lens is"),
         (lambda s, m, c: s.model((s.space(), s.space())), "space must be a THBSpace"),
         (lambda s, m, c: s.lens(s.space(), c - 50.0), "the lens cannot exist"),
         (lambda s, m, c: optics.System("pearl.toml"), "System takes a Problem"),
