@@ -56,7 +56,6 @@ NUMBERS = {  # {command: {row that the page quotes: where the result has the num
     "thbcad design examples/my.toml --out DIR": {
         "overview: pearl: rel_l2": ("rel_l2", 0.05),
         "overview: pearl: efficiency": ("efficiency", 0.002),
-        "overview: pearl: degrees of freedom": ("dof", 0.05),
     },
 }
 

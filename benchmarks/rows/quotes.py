@@ -8,6 +8,7 @@ number or with the number and its unit.  In memory a page carries a mark after e
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +38,7 @@ def marked_pages(root: Path) -> dict[Path, str]:
             if not page.exists():
                 raise UserError(f"{FILE}: there is no page {quote['page']}")
             pages[page] = page.read_text("utf-8")
-        if (count := pages[page].count(text)) != 1:
+        if (count := _count(pages[page], text)) != 1:
             raise UserError(f"{FILE}: {quote['page']} has {count} times the text {text!r}, wanted once")
         places.setdefault(page, []).append((pages[page].index(text) + len(text), quote["row"]))
     return {page: _with_marks(text, places[page]) for page, text in pages.items()}
@@ -73,10 +74,15 @@ def _quotes(page: str, plain: str) -> list[tuple[str, str]]:
         shown = f"{mark['number'] or ''}{mark['unit'] or ''}"
         end = len(without_marks(page[: mark.end()]))
         start = _word_before(plain, end - len(shown))
-        while start and plain.count(plain[start:end]) > 1:
+        while start and _count(plain, plain[start:end]) > 1:
             start = _word_before(plain, start)
         found.append((plain[start:end], f"{mark['name']}: {mark['row']}"))
     return found
+
+
+def _count(page: str, text: str) -> int:
+    """Return how often a text is on a page, also where it overlaps itself."""
+    return len(re.findall(f"(?={re.escape(text)})", page))
 
 
 def _word_before(text: str, start: int) -> int:

@@ -78,7 +78,7 @@ def test_nothing_else_changes(tmp_path, fit, far):
 )
 def test_check_says_from_which_side(tmp_path, capsys, seen_from, words):
     path = str(write_problem(tmp_path, {"target.seen_from": seen_from}))
-    assert main(["check", path]) == 0
+    assert main(["check", path, "--full"]) == 0
     assert words in capsys.readouterr().out
     assert main(["check", path, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["picture_seen_from"] == seen_from
