@@ -23,16 +23,14 @@ from benchmarks.rows.row import Row, median_seconds
 from optics.base.runtime import Backend, DrArray, load_backend
 from optics.designing.optimisation import (
     MARGIN,
-    Mirrors,
     Objective,
-    mirror_axes,
     shape_lens,
     stage_objective,
     stages,
 )
 from optics.light.analysis import measure
 from optics.light.engines import ExactEngine, TracedModel
-from optics.light.measuring import Splat
+from optics.light.measuring import Mirrors, Splat, symmetry_axes
 from optics.light.tracing import TargetArea, Tracer, trace_nonsequential
 from optics.scene.problem import load_problem
 from optics.scene.receivers import BoxWindow, BSplineWindow, GaussianWindow, PixelWindow
@@ -329,7 +327,7 @@ def _mirror(system: System, backend: Backend) -> list[Row]:
     lens = system.designed
     stage = stages(system, False)[-1]
     target = system.target.irradiance(stage.screen, 0.88)
-    axes = mirror_axes(system.target.irradiance(system.target.screen(), 1.0), system.source.profile)
+    axes = symmetry_axes(system)
     mirrors = [Mirrors(sag.space, axes) for sag in lens.sags]
     c = [m.of_coefficients(sag.coefficients) for m, sag in zip(mirrors, lens.sags)]
 

@@ -49,7 +49,7 @@ def designed(system, backend):
     lens = shaped.designed
     assert all(plan is plans[0] for plan in plans)
     return SimpleNamespace(
-        system=system,
+        system=shaped,
         problem=system.problem,
         lens=lens,
         state=state,

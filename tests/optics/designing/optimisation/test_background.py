@@ -111,7 +111,7 @@ def test_a_design_asks_for_what_the_background_leaves(tmp_path, backend, monkeyp
     system = system_of(tmp_path, fewer)
     seen, real, objectives = [], loop.stage_objective, []
 
-    def known(system, backend, lens, film, fixed):
+    def known(system, backend, film, fixed):
         return Background(np.full(film.screen.shape, 1e-8))
 
     def watched(*arguments, **named):

@@ -57,7 +57,7 @@ def test_a_finish_asks_for_the_light_that_arrives(made, backend):
     last = [row for stage, _, row in made.calls if stage.finish and row]
     assert len(last) > 3
     assert min(row.loss for row in last) < last[0].loss
-    arrives = transmitted_flux(made.system, backend)
+    arrives = transmitted_flux(made.system.with_lens(made.lens), backend)
     assert arrives != pytest.approx(transmitted_flux(made.system.unshaped, backend), rel=1e-3)
 
 

@@ -25,11 +25,12 @@ PIXELS = 64
 class Folded(System):
     """A system whose light a fixed plane mirror turns aside behind the lens."""
 
-    def paths(self, lens):
+    @property
+    def paths(self):
         mirror = Surface(FreeformSurface((60.0, 90.0)), FOLD, "reflect", 1.0)
         return tuple(
             replace(path, surfaces=(*path.surfaces, mirror), media=(*path.media, AIR))
-            for path in super().paths(lens)
+            for path in super().paths
         )
 
 

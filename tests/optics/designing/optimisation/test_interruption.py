@@ -25,7 +25,7 @@ system, backend, checkpoints = System(load_problem(sys.argv[1])), load_backend("
 listener = Listener(checkpoint=checkpoints.append)
 whole, _ = shape_lens(system, backend, ExactEngine(backend), listener=listener)
 resumed, _ = shape_lens(system, backend, ExactEngine(backend), checkpoints[0])
-print(*(sha256(lens.rear.sag.coefficients.tobytes()).hexdigest() for lens in (whole, resumed)))
+print(*(sha256(made.sags[0].coefficients.tobytes()).hexdigest() for made in (whole, resumed)))
 """
 
 
