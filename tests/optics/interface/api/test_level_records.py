@@ -77,7 +77,7 @@ def test_the_record_holds_the_levels_and_the_report_a_row_of_each(kept):
 def test_a_run_that_keeps_nothing_takes_the_levels_of_the_run_before_away(kept, tmp_path):
     design, _ = kept
     folder = design.save(tmp_path / "result")
-    Design(design.asked, design.system, design.lens).save(folder)
+    Design(design.system, requested=design.asked).save(folder)
     assert not list(folder.glob("**/level_*"))
 
 

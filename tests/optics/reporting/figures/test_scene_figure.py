@@ -130,8 +130,7 @@ def test_light_on_any_screen_is_drawn_where_the_scene_has_it(backend, name):
 def test_rays_that_miss_are_red(backend, made):
     hit, miss = made({"target.half_width": [60.0, 60.0]}), made({"target.half_width": [0.5, 0.5]})
     counts = [
-        red(scene_view(system, np.ones((48, 48)), scene_paths(system, backend)))
-        for system, lens in (hit, miss)
+        red(scene_view(system, np.ones((48, 48)), scene_paths(system, backend))) for system in (hit, miss)
     ]
     assert counts[0] == 0
     assert counts[1] > 100
