@@ -57,6 +57,11 @@ def foreign(folder):
     write_problem(folder, {"target.pixels": [16, 16]}, name="problem.toml")
 
 
+def theirs(folder):
+    """Write theirs.step, a lens as another program might have it."""
+    (folder / "theirs.step").symlink_to(folder / "exports" / "tophat_square" / "lens.step")
+
+
 def mounted(folder):
     """Write mount.toml, the mount that the page shows."""
     (folder / "mount.toml").write_text(first_toml("docs/parts.md"), "utf-8")
@@ -80,4 +85,5 @@ GIVEN = {  # pages that take results as given: what writes their other files
     "docs/sweeps.md": variants,
     "docs/tolerances.md": of_a_shop,
     "docs/tools.md": placeholder,
+    "docs/tracing.md": theirs,
 }
