@@ -344,7 +344,7 @@ def within_bound(sag: THBSurface, bound: float) -> THBSurface:
 def spot_system(system: System, backend: Backend) -> System:
     """Return the system with the lens whose blur stands for that of the design, before there is one.
 
-    This is the base lens where it sends light about to the target, one across the axis; otherwise it is the
+    For a target across the axis this is the base lens, which sends light roughly there; otherwise it is the
     lens of a coarse map.
     """
     base = system.with_lens(system.base)

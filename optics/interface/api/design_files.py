@@ -61,7 +61,7 @@ Claims = dict[str, Any]
 
 
 class FiledDesign(Protocol):
-    """What files tell of a design, see `Design`."""
+    """The data of a design that its result files hold, see `Design`."""
 
     @property
     def asked(self) -> Problem: ...

@@ -151,7 +151,7 @@ class Design:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """What is to be thought of light and lens, by the limits of the problem; the STEP file is not judged.
+        """The verdict on light and lens by the limits of the problem; the STEP file is not judged.
 
         `verify` checks that file.
         """

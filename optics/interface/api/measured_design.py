@@ -1,4 +1,4 @@
-"""What a lens delivers, with what limits it."""
+"""The measured light of a design, with notes on its limits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def measured(system: System, notes: Notes) -> Measurement:
 
 
 def _towards_light(fates: Mapping[str, float]) -> str:
-    """Return what helps where no light arrives.  fates : the flux of each."""
+    """Return a remedy for a dark target.  fates : flux by ray outcome."""
     blocked = sum(flux for name, flux in fates.items() if name.endswith("blocked"))
     if blocked > 0.5 * sum(map(abs, fates.values())):
         return "`thbcad check` names what blocks it: move that out of its way"

@@ -269,7 +269,7 @@ def _trace_options(command: CommandParser) -> None:
     command.switch("--turn", "light meets the other side of that lens first")
     command.option("--rays", "N", "N x N rays (default: 513)", type=int)
     command.choice("--precision", ("double", "single"), "of the sequential trace (default: double)")
-    command.out("DIR", "folder to write (default: RESULT/trace)")
+    command.out("DIR", "folder to write (default: RESULT/trace, of a problem exports/NAME/trace)")
 
 
 def _etendue_options(command: CommandParser) -> None:

@@ -33,12 +33,12 @@ from optics.scene.system import System, load_system
 from thbcad.checks import Floats
 
 MOST_RAYS, RAYS = 1 << 15, 513  # per direction
-AWAY, GLASS = 100.0, "PMMA"  # mm to the screen, and the material, of a lens in given light
+AWAY = 100.0  # mm to the screen of a lens in given light
 TRIED = (65, 65)  # rays that tell whether the light can go where it is to go
 RECORD = "trace.json"
 SHOWN = 5e-4  # of the light: smaller losses are not printed
 ENDS = {  # of the light through front and rear, by fates
-    "reach": ("on_target",),
+    "reaches": ("on_target",),
     "is reflected": ("front_reflected", "rear_reflected", "total_internal"),
     "is absorbed": ("absorbed",),
     "is blocked": ("blocked",),
@@ -55,7 +55,7 @@ DIAGRAMS = ("polar.png", "isocandela.png")  # of the far field
 def trace(options: Namespace) -> Outcome:
     """Trace a result, a problem or a lens in given light, and report where the light goes.
 
-    Phase space is that of a lens on the axis, light by other ways that of any lens.
+    Phase space needs a lens on the axis; stray paths are traced through any lens.
     """
     count = RAYS if options.rays is None else options.rays
     if not 8 <= count <= MOST_RAYS:
@@ -124,7 +124,8 @@ def _system(options: Namespace) -> System:
             raise UserError(
                 f"--source goes with the file of a lens, and {path} is a problem with its own source"
             )
-        glass = {"material": options.material or GLASS} if options.index is None else {"index": options.index}
+        glass = {"material": options.material, "index": options.index}
+        glass = {key: value for key, value in glass.items() if value is not None}
         away = AWAY if options.at is None else options.at
         return lens_in_light(path, options.source, away, glass, options.turn)
     if path.suffix.lower() == ".toml":
@@ -135,14 +136,15 @@ def _system(options: Namespace) -> System:
 
 
 def _folder(options: Namespace) -> Path | None:
-    """Return where to write; None where one line answers."""
-    if options.out or not options.source:
-        return Path(options.out or Path(options.result).with_suffix("") / "trace")
-    return None
+    """Return the folder to write; None where one line answers."""
+    path = Path(options.result)
+    if options.out or options.source:
+        return Path(options.out) if options.out else None
+    return (Path("exports") / path.stem if path.suffix.lower() == ".toml" else path) / "trace"
 
 
 def _answered(system: System) -> Outcome:
-    """Return what light a lens makes, in one line."""
+    """Report the light of a lens in one line."""
     found = measure(system, system.backend).metrics
     units, flux = system.units, system.problem.flux
     fates = found[units.key("fates")]
@@ -153,7 +155,7 @@ def _answered(system: System) -> Outcome:
     through, *lost = (
         f"{100 * share:.1f} % {words}"
         for words, share in shares.items()
-        if share >= SHOWN or words == "reach"
+        if share >= SHOWN or words == "reaches"
     )
     ghosts = 100 * found.get("nonsequential", {}).get("by_other_ways", 0.0)
     line = (

@@ -22,6 +22,7 @@ from thbcad.lens import Lens
 if TYPE_CHECKING:
     from thbcad.cad import ForeignLens
 
+GLASS = {"material": "PMMA"}
 AWAY = 10.0  # half-widths of the lens from its rear to a screen, where no target is given
 SCREEN: dict[str, Any] = {"kind": "tophat", "lit": [1.0, 1.0], "pixels": [128, 128]}
 NO_LIMITS: dict[str, Any] = {  # of the light, where none is requested
@@ -81,7 +82,7 @@ def lens_in_light(
 
     lens_file, turn : as of `given_system`.  source : words as of `other_source`.
     away : mm from the rear of the lens to the screen.
-    glass : "index", or "material", which a lens.json does not need.
+    glass : {"index": n} or {"material": name}; {} is PMMA, or the index that a lens.json has.
 
     Raises UserError : a file that holds no lens or no light, or a place that does not suit.
     """
@@ -90,7 +91,12 @@ def lens_in_light(
         name: {"half_width": [float(h) for h in getattr(found, name).half_width]}
         for name in ("front", "rear")
     }
-    tables |= {"index": found.index} if isinstance(found, Lens) else glass
+    if isinstance(found, Lens):
+        if glass:
+            raise UserError(f"{lens_file} has its own index; leave --material and --index out")
+        tables["index"] = found.index
+    else:
+        tables |= glass or GLASS
     problem = Problem(
         title=Path(lens_file).name,
         source=Source(kind="point"),

@@ -1,4 +1,4 @@
-"""A problem and the shape of every element: lens, source, target, and what tracing need not compute."""
+"""A problem and the shape of every element: lens, source, target, light path, skips."""
 
 from thbcad.doors import TYPE_CHECKING, lazy_door
 

@@ -29,8 +29,10 @@ T = TypeVar("T")
 
 
 class shared(Generic[T]):
-    """A property that follows from the prescription: computed when it is first asked for, and then known to
-    all systems that differ in the shapes of their elements alone."""
+    """A property of the prescription, computed at first use.
+
+    Systems that differ only in the shapes of their elements share its value.
+    """
 
     def __init__(self, compute: Callable[[Any], T]) -> None:
         self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
@@ -53,9 +55,9 @@ class shared(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class Prescribed:
-    """What the tables of a problem say of its light and of the element that is designed.
+    """The light and the designed element as a problem prescribes them.
 
-    known : what was computed from them already, by name, see `shared`; left out, as by `replace`, nothing.
+    known : values of `shared` properties that are computed already, by name; `replace` keeps none.
     """
 
     problem: Problem

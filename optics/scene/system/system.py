@@ -138,7 +138,7 @@ class System(Prescribed):
         return self.with_shapes(shapes)
 
     def with_shapes(self, shapes: Mapping[str, Lens]) -> Self:
-        """Return the system with these shapes alone; what follows from the prescription is not made again."""
+        """Return the system with only these shapes; `shared` properties keep their values."""
         return self._with(shapes=shapes, known=self.computed)
 
     @property
@@ -184,7 +184,7 @@ class System(Prescribed):
 
     @property
     def clear_aperture(self) -> tuple[Outline, Outline] | None:
-        """What a holder leaves free of front and rear of the designed element; None is all."""
+        """The parts of the designed front and rear that a holder leaves free; None is all."""
         return clear_aperture_of(self.problem.optic, self.designed)
 
     @property
@@ -252,7 +252,7 @@ class System(Prescribed):
 
     @property
     def solid(self) -> Solid:
-        """What one lens is made as: itself, or a body as `moulded`, which also raises."""
+        """The solid of one lens: the lens itself, or a body as `moulded`, which also raises."""
         return made_of(self.problem.optic, self.designed)
 
     def as_possible(self) -> tuple[Self, str]:

@@ -13,6 +13,7 @@ from optics.scene.system import System
 from tests.optics.cases import FREE_REAR, store_result, write_problem
 from tests.optics.interface.commands.cases import refused, run
 from thbcad import Lens, write_step
+from thbcad.io import write_lens
 from thbcad.lens import FreeformSurface
 from thbcad.sags import Conic
 
@@ -167,7 +168,7 @@ def test_one_line_says_what_light_a_lens_makes(capsys, strange_lens):
     found = json.loads(run(capsys, *words, "--json").out)
     assert sum(found["fates_w"].values()) == pytest.approx(1.0, abs=1e-12)
     (line,) = run(capsys, *words).out.splitlines()
-    through = float(re.search(r"([0-9.]+) % reach a screen of [0-9.]+ x [0-9.]+ mm, 50 mm", line)[1])
+    through = float(re.search(r"([0-9.]+) % reaches a screen of [0-9.]+ x [0-9.]+ mm, 50 mm", line)[1])
     assert through == pytest.approx(100 * found["fates_w"]["on_target"], abs=0.051)
     lost = [float(x) for x in re.findall(r"([0-9.]+) % (?:is|misses|meets)", line)]
     assert through + sum(lost) == pytest.approx(100, abs=0.3)
@@ -175,6 +176,13 @@ def test_one_line_says_what_light_a_lens_makes(capsys, strange_lens):
     assert turned["fates_w"]["on_target"] != found["fates_w"]["on_target"]
     bk7 = json.loads(run(capsys, *words[:-2], "--material", "N-BK7", "--json").out)
     assert bk7["fates_w"]["front_reflected"] > found["fates_w"]["front_reflected"]
+
+
+def test_a_lens_file_that_has_its_index_takes_no_other(capsys, tmp_path):
+    path = tmp_path / "lens.json"
+    write_lens(Lens(FreeformSurface((10.0, 10.0)), FreeformSurface((10.0, 10.0)), 6.0, 1.6), path)
+    said = refused(capsys, "trace", path, "--source", "sun", "--index", 1.5)
+    assert "lens.json has its own index; leave --material and --index out" in said
 
 
 def test_a_problem_without_a_free_face_is_traced(capsys, tmp_path):
